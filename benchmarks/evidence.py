@@ -37,10 +37,10 @@ from test_walkthroughs import blocks_of, typed  # noqa: E402
 
 COLUMNS = ("step", "branch", "delta", "force", "error_P_star", "P_star", "area_fraction", "spots")
 # picture -> page, file that its commands make
-OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
+OF_PAGES = {name: ("tutorials/vibration", f"out/demo/figures/{name}") for name in (
     "curve.svg", "pressure.png", "area.svg", "response.svg",
 )} | {
-    "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
+    "tutorial_scan.png": ("measured", "out/scan/surface.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),
 }  # fmt: skip
 NAMES = ("peers", *(Path(name).stem for name in OF_PAGES))

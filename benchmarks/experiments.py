@@ -1,4 +1,4 @@
-"""Stiffness of a rough joint over the nominal pressure, to compare with experiments: numbers of docs/verification.md.
+"""Stiffness of a rough joint over the nominal pressure, to compare with experiments: numbers of docs/accuracy.md.
 
 ./run python3 benchmarks/experiments.py      # some seconds
 """

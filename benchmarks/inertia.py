@@ -333,7 +333,7 @@ def static_law() -> CurveLaw:
 def released(law: CurveLaw, u: float, density: float) -> tuple[Transient, ContactOscillator]:
     """Flat on the bump, let go at u; time in units of 1/omega_s."""
     oscillator = ContactOscillator(law, load=float(law.force(DEEP)), zeta=ZETA)
-    r, solver = oscillator.restoring, pressed()
+    r, solver = oscillator, pressed()
     for delta in np.linspace(0.0, r.z_s * (1.0 + u), 9)[1:]:
         assert solver.step(float(delta)).converged
     mass = r.scale / r.z_s
@@ -343,7 +343,7 @@ def released(law: CurveLaw, u: float, density: float) -> tuple[Transient, Contac
 def light(law: CurveLaw) -> Iterator[tuple[str, float]]:
     """Greatest difference of motion and force from those on the static law, over their greatest, %."""
     transient, oscillator = released(law, 0.4, 1e-6)
-    history, z = transient.run(9.0, 2.0 * np.pi / 100), oscillator.restoring.z_s
+    history, z = transient.run(9.0, 2.0 * np.pi / 100), oscillator.z_s
     path = oscillator.simulate(1.0, 0.0, u=0.4, periods=1.5, samples=400)
     u = history.approach / z - 1.0
     yield "light block, motion over z_s", 100.0 * float(np.abs(u - np.interp(history.time, path.tau, path.u)).max())

@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 
 from asperity.errors import AsperityError
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import at_load
 from asperity.vibration.source import CurveColumns, choose
 
 Array = np.ndarray[Any, Any]
@@ -102,8 +101,8 @@ def draw(make: Callable[[Rng], Law], error: Callable[[Rng, Array, float], Array]
         found = choose(CurveColumns.of({"delta": d + offset, "force": force}), "table", load)
     except AsperityError:
         return None
-    values = at_load(found.law, found.load)[1:]
-    bars = bar_of(found.law, lambda side: at_load(side, found.load))[1:]
+    values = found.law.at_load(found.load)[1:]
+    bars = bar_of(found.law, lambda side: side.at_load(found.load))[1:]
     unresolved = bars > np.abs(values)
     return (np.abs(values - true) <= bars) | unresolved, bars[0] / values[0], ~unresolved
 

@@ -1,4 +1,4 @@
-"""Micro-slip by a half-space with both components of traction, by the normal curve and by the solid, docs/slip.md.
+"""Micro-slip by a half-space with both components of traction, by the normal curve and by the solid, docs/accuracy.md.
 
     python3 benchmarks/slip.py law           Jaeger's law against the half-space, nu = 0, 0.3 and 0.45, ten surfaces,
                                              then the same with fewer rows of the curve

@@ -166,7 +166,7 @@ def main() -> tuple[float, float, float]:
     stiffness_of = force.derivative()
     z = np.geomspace(table[0, 0], table[-1, 0], 300)
     oscillator = asp.ContactOscillator(asp.CurveLaw(z, force(z)), load=load, zeta=ZETA)
-    normal = oscillator.restoring  # of lengths z_s and forces z_s k_n
+    normal = oscillator  # of lengths z_s and forces z_s k_n
 
     def spring(u: Any) -> tuple[Any, Any]:
         z = np.maximum(normal.z_s * (1.0 + u), 0.0)

@@ -81,7 +81,7 @@ def test_no_circle_inside_a_package(package: str) -> None:
 
 
 def test_the_picture_of_the_layers_is_this_order() -> None:
-    page = (PACKAGE.parents[1] / "docs/architecture.md").read_text(encoding="utf-8")
+    page = (PACKAGE.parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = page.partition("```text\n")[2].partition("\n```")[0].splitlines()
     assert [tuple(row.split()) for row in reversed(rows)] == [ORDER[0][1:], *ORDER[1:-1]]
 

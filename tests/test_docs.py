@@ -25,7 +25,7 @@ from asperity.cli import group
 
 ROOT = Path(__file__).parent.parent
 ALL_PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-TYPED = ("tutorials", "how-to", "slip.md", "stiffness.md")  # what tests/test_walkthroughs.py alone runs, as typed
+TYPED = ("tutorials", "how-to", "stiffness.md")  # what tests/test_walkthroughs.py alone runs, as typed
 PAGES = [page for page in ALL_PAGES if page.parent.name not in TYPED and page.name not in TYPED]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 MUST_RUN = {"check", "init", "compare"}  # commands that take no time
@@ -57,7 +57,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the cases and with finished runs and maps of the names the pages use."""
     for name in ("cases", "examples", "benchmarks"):
         (tmp_path / name).symlink_to(ROOT / name)
-    for name in ("demo", "new", "good", "press", "joint"):
+    for name in ("demo", "new", "good", "press", "joint", "pressed"):
         write_run(tmp_path / "out" / name)
     (tmp_path / "tests/curves").mkdir(parents=True)
     (tmp_path / "tests/hard").symlink_to(ROOT / "tests/hard")
@@ -102,7 +102,7 @@ def test_command_is_legal(line: str, place: Path, capsys: pytest.CaptureFixture[
 
 
 def test_the_files_of_the_architecture_exist_and_are_counted() -> None:
-    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`([\w/]+\.(?:py|cpp|hpp))`", page))
     assert len(names) > 30
     assert not [name for name in names if not ((ROOT / name).exists() or (ROOT / "python/asperity" / name).exists())]
@@ -139,7 +139,7 @@ def test_the_first_page_gives_the_numbers_of_the_demo() -> None:
     top = next(i for i, row in enumerate(rows) if row["branch"] == "unload") - 1
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     bar = float(rows[top]["error_P_star"]) / float(rows[top]["P_star"])
-    assert rows[top]["spots"] == "5" and "[five spots]" in text
+    assert rows[top]["spots"] == "5" and "five spots" in text
     assert f"{float(rows[top]['force']):.3f} N ± {100 * bar:.1f} %" in text
     assert f"{100 * float(rows[top]['area_fraction']):.1f} % in contact" in text
 
@@ -150,9 +150,9 @@ def test_the_first_page_gives_the_numbers_of_the_demo() -> None:
     delta = delta - force * case.block.height / (side**2 * case.material.block_modulus(case.block.sides))
     load = joint["preload"] * share
     spline = PchipInterpolator(delta, force)(float(PchipInterpolator(force, delta)(load)), 1)
-    shown, numerical = re.findall(r"has ([\d.]+) GN/m .* numerical error (\d+) %", text)[0]
+    shown, numerical = re.findall(r"([\d.]+) GN/m; .* numerical error (\d+) %", text)[0]
     assert spline / share == pytest.approx(float(shown) * 1e9, rel=float(numerical) / 100)
-    kilohertz = re.findall(r"([\d.]+) kHz with", text)[0]
+    kilohertz = re.findall(r"([\d.]+) kHz", text)[0]
     hertz = np.sqrt(float(shown) * 1e9 / joint["mass"]) / (2 * np.pi)
     assert float(kilohertz) == pytest.approx(hertz / 1000, abs=0.03)  # both are rounded
 
@@ -220,20 +220,18 @@ def test_links_lead_to_no_archive_of_packages() -> None:
 def test_the_steps_inside_the_bars_are_those_of_the_tables(names: tuple[str, ...]) -> None:
     rows = [row for name in names for row in table(f"bars_{name}")]
     inside, steps = (sum(int(row["inside"].split("/")[k]) for row in rows) for k in (0, 1))
-    for page in ("docs/accuracy.md", "docs/verification.md", "paper/paper.md"):
+    for page in ("docs/accuracy.md", "paper/paper.md"):
         assert f"{inside} of {steps}" in (ROOT / page).read_text(encoding="utf-8"), page
     if "elastic" in names:
         inside, steps = (sum(int(row["area inside"].split("/")[k]) for row in rows) for k in (0, 1))
         page = " ".join((ROOT / "docs/accuracy.md").read_text(encoding="utf-8").split())
-        assert f"the area is inside at {inside} of {steps}" in page
+        assert f"| area | {inside} of {steps} |" in page
         ratio, price = (
             np.array([float(row[n]) for row in table("bars_elastic")]) for n in ("bar/error", "over last mesh")
         )
         assert f"is {np.median(ratio):.1f} times its error in the median" in page
-        assert (
-            f"is {np.median(price):.1f} times the time of its last mesh in the median, and {price.max():.1f} times"
-            in page
-        )
+        assert f"is {np.median(price):.1f} times the time of its last mesh in the median" in page
+        assert f"The greatest ratio is {price.max():.1f}." in page
 
 
 def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
@@ -241,16 +239,17 @@ def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
 
 
 def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
-    page = " ".join((ROOT / "docs/verification.md").read_text(encoding="utf-8").split())
+    page = " ".join((ROOT / "docs/accuracy.md").read_text(encoding="utf-8").split())
     u, energy = "u at 0.1, 0.3, 0.6, 0.9 mu P, %", "energy, %"
     of = [[row for row in table("slip_law") if row["nu"] == nu] for nu in ("0.3", "0.45")]
-    most_u = " and ".join(f"{np.abs(numbers(rows, u)).max():.1f}" for rows in of)
-    most_energy = " and ".join(f"{np.abs(numbers(rows, energy)[:, 1:]).max():.1f}" for rows in of)
-    assert f"up to {most_u} % off" in page and f"up to {most_energy} %" in page
+    most_u = [f"{np.abs(numbers(rows, u)).max():.1f}" for rows in of]
+    most_energy = [f"{np.abs(numbers(rows, energy)[:, 1:]).max():.1f}" for rows in of]
+    for nu, *most in zip(("0.3", "0.45"), most_u, most_energy, strict=True):
+        assert f"ν = {nu} | up to {most[0]} % off | up to {most[1]} % off |" in page
     few = max(numbers([row], energy)[:, 1:].max() for row in table("slip_rows") if row["rows"] != "3")
-    assert f"within {np.ceil(few):.0f} % from 0.3 μP on" in page
+    assert f"| within {np.ceil(few):.0f} % |" in page
     steep = [row for row in table("slip_solid") if row["slope"] == "0.1"]
-    for method, words in (("solid", ("{} to {} % softer", "{} to {} % more")), ("its curve", ("{} to {} % of",) * 2)):
+    for method, words in (("solid", ("{} to {} % softer", "{} to {} % more")), ("its curve", ("| {} to {} % |",) * 2)):
         some = [row for row in steep if row["method"] == method]
         for values, text in zip((numbers(some, u), numbers(some, energy)[:, 1:]), words, strict=True):
             assert text.format(f"{values.min():.1f}", f"{values.max():.1f}") in page
@@ -268,7 +267,8 @@ def test_the_mass_on_the_full_solid_moves_as_the_pages_say() -> None:
     found = {name: max(value for other, value in rows if other == name) for name, _ in rows}
     assert found["light block"] < 0.5 and found["heavy block"] < 10.0 and found["impact"] < 0.1
     for page in ("README.md", "docs/theory.md"):
-        assert "within 0.5 % with a transient simulation" in (ROOT / page).read_text(encoding="utf-8")
+        text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+        assert "within 0.5 % with a transient simulation" in text
 
 
 def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,7 +282,7 @@ def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.Mo
         errors = [float(row["rms error %"]) / 100 for row in rows]
         return float(compare.cost([compare.Point(*pair) for pair in zip(runs, errors, strict=True)], target).cpu)
 
-    page = " ".join((ROOT / "docs/peers.md").read_text(encoding="utf-8").split())
+    page = " ".join((ROOT / "docs/accuracy.md").read_text(encoding="utf-8").split())
     rows = re.findall(r"\| ([^|]+) \| [≤≈]?([\d.]+) s, [^|]+ \| [^|]+ \| (?:[≤≈]?([\d.]+) s,|not)", page)
     assert len(rows) == 5
     for program, *shown in rows:
@@ -290,10 +290,13 @@ def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.Mo
             assert not seconds or cpu("elastic", program, target) == pytest.approx(float(seconds), rel=0.02)
     one = cpu("elastic", "CalculiX", 0.01)
     own = cpu("elastic", "asperity", 0.01)
-    ratios = [one / own, cpu("elastic", "CalculiX, mesh of asperity", 0.01) / own]
-    ratios.append(cpu("plastic", "CalculiX", 0.02) / cpu("plastic", "asperity", 0.02))
-    words = r"to 1 % takes CalculiX (\d+) times .* asperity, ([\d.]+) times on the mesh .* to 2 % (\d+) times"
-    assert [float(x) for x in re.findall(words, page)[0]] == pytest.approx(ratios, rel=0.02)
+    ratios = dict(re.findall(r"\| (CalculiX[^|]*) \|[^|]+\|[^|]+\|[^|]+\| ([\d.]+) \|", page))
+    assert {name: float(ratio) for name, ratio in ratios.items()} == pytest.approx(
+        {name: cpu("elastic", name, 0.01) / own for name in ("CalculiX", "CalculiX, mesh of asperity")}, rel=0.02
+    )
+    seconds = re.findall(r"\| CPU \| ([\d.]+) s \| ≈([\d.]+) s \|", page)[0]
+    plastic = [cpu("plastic", name, 0.02) for name in ("asperity", "CalculiX")]
+    assert [float(x) for x in seconds] == pytest.approx(plastic, rel=0.02)
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     bar, times = re.findall(r"to 1 %: ([\d.]+) CPU seconds with its error bar, CalculiX (\d+) times", readme)[0]
     assert float(bar) == pytest.approx(cpu("elastic", "asperity, by tolerance", 0.01), rel=0.02)
@@ -301,7 +304,7 @@ def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.Mo
 
 
 def test_the_tuned_constants_on_the_page_exist() -> None:
-    page = (ROOT / "docs/verification.md").read_text(encoding="utf-8")
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([\w/]+)\.py` \| ([A-Z_, ]+) \|$", page, re.MULTILINE)
     found = [(f"asperity.{file.replace('/', '.')}", name) for file, names in rows for name in names.split(", ")]
     assert len(found) > 40 and [pair for pair in found if member(*pair) is None] == []

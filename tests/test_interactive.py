@@ -49,7 +49,7 @@ def objects(result: Any) -> list[Any]:
         wave, wave.statistics(), psd(wave.grid(65), 1e-6), asp.Material(E=1.0, nu=0.3), asp.MeshSize(),
         asp.Formulation(), asp.SolverOptions(), asp.AccuracyTarget(0.1), case, case.problem(), result, result.contact,
         result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
-        asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free, *free.orbits[:1],
+        asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free,
         response, response.pieces[0], response.top, oscillator.thresholds(),
         asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], zeta=0.05),
         asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
@@ -79,14 +79,6 @@ def test_a_data_frame_has_the_columns_of_the_file() -> None:
     frame = curve.to_pandas()
     assert isinstance(frame, pandas.DataFrame) and tuple(frame.columns) == COLUMNS and frame.attrs["case"] == "sphere"
     np.testing.assert_array_equal(frame["force"], curve.force)
-
-
-def test_an_array_with_coordinates() -> None:
-    pytest.importorskip("xarray")
-    wave = asp.Surface.from_spec("sinusoid", L=2.0, amplitude=0.1)
-    found = wave.to_xarray(9)
-    assert found.dims == ("y", "x") and float(found.x[-1]) == 2.0
-    assert float(found.sel(x=1.0, y=0.0)) == pytest.approx(float(wave.height(1.0, 0.0)))
 
 
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

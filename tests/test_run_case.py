@@ -159,7 +159,7 @@ def test_the_assumptions_take_the_vibration_that_was_computed() -> None:
     material = CASE["material"] | {"density": 7800.0}
     case = case_of(material=material, joint={"mass": 1e-12}, dynamics=dynamics, output=quiet)
     result = run(case)
-    assert result.dynamics.first.restoring.load == pytest.approx(5e-5)
+    assert result.dynamics.first.load == pytest.approx(5e-5)
     lines = {line["name"]: line for line in result.summary["assumptions"]}
     radiated, found, solid = lines["inertia: damping ratio by radiation"], result.dynamics.numbers, case.material
     eta = radiation_loss(found.stiffness, 2 * np.pi * found.frequency, E=solid.E, nu=solid.nu, density=7800.0)

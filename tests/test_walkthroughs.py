@@ -16,7 +16,7 @@ from asperity.case import Case
 
 ROOT = Path(__file__).parent.parent
 ALL = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES = [p for p in ALL if p.parent.name in ("tutorials", "how-to") or p.stem in ("measured", "slip", "stiffness")]
+PAGES = [p for p in ALL if p.parent.name in ("tutorials", "how-to") or p.stem in ("measured", "stiffness")]
 FENCE = re.compile(r'^```(\w+)(?: title="([\w./-]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 ANY = "…"  # for a word that is not compared; alone on a line: lines left out
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")

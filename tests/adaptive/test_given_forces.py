@@ -143,6 +143,6 @@ def test_joint_and_slip_may_stand_under_the_force_of_the_path(law: str, recwarn:
         "slip": {"friction": 0.3, "preload": 0.69},
     }
     found = asp.run(Case.from_dict(case))
-    assert found.dynamics is not None and found.dynamics.first.restoring.load == pytest.approx(0.69, rel=1e-12)
+    assert found.dynamics is not None and found.dynamics.first.load == pytest.approx(0.69, rel=1e-12)
     assert found.summary["slip"]["preload"] == pytest.approx(0.69, rel=1e-12)
     assert not [w for w in recwarn if "exceeds the greatest force" in str(w.message)]

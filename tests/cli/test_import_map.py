@@ -111,8 +111,8 @@ def test_odd_maps_give_a_result(
     [
         (np.full((50, 50), 3e-9), {}, "the map is flat"),
         (np.add.outer(np.arange(50.0), np.arange(50.0)) * 1e-10, {}, "the map is flat"),
-        (SCAN[:1], {}, "at least 8 x 8"),
-        (np.zeros((20, 20, 3)), {}, "at least 8 x 8"),
+        (SCAN[:1], {"dx": 1e-9}, "at least 4 heights"),
+        (np.zeros((20, 20, 3)), {}, "are no map"),
         (np.full((50, 50), np.nan), {}, "missing"),
         (islands(0.5), {}, "missing"),
         (1e6 * SCAN, {}, "not plausible: give all lengths in one unit"),

@@ -261,7 +261,7 @@ def conducting(formulation: Formulation) -> list[float]:
 
 
 def test_the_cases_of_other_formulations_agree_with_exact_contact() -> None:
-    """As docs/verification.md has it; the first step touches few facets only."""
+    """As docs/accuracy.md has it; the first step touches few facets only."""
     files = [Path(__file__).parents[2] / "cases" / f"{method}.toml" for method in ("penalty", "nitsche")]
     exact, same = (Case.load(file, ["contact.method=active-set"]) for file in files)
     assert same.to_dict() | {"contact": None} == exact.to_dict() | {"contact": None}

@@ -228,7 +228,7 @@ def test_a_case_with_a_tool(tmp_path: Path) -> None:
     assert (tmp_path / "out/figures/indentation.svg").is_file()
     assert Results.read(tmp_path / "out").tool.kind == "cone"
     other = Case.from_dict({**CASE, "tool": {"kind": "cone", "half_angle": 75.0}})
-    with pytest.raises(CheckpointError, match=r"tool.half_angle = 80.0 there, 75.0 here"):
+    with pytest.raises(CheckpointError, match=r"tool.half_angle = 80 there, 75 here"):
         refuse_another(tmp_path, identity(case), identity(other))
 
 

@@ -57,5 +57,5 @@ def test_the_law_of_a_load_path_is_near_the_stored_paths_of_the_solid(slip: Any)
     moves, losses = np.array(slip.Pressed(slip.SURFACES["H 0.8, seed 1"], 96, nu).loops).T
     found = np.array([slip.interface((row["u"], row["T"], row["energy"]), nu) for row in law.loops()])
     off_u, off_energy = found[:, 0] / (part * moves * u) - 1.0, found[:, 1] / (part**2 * losses * energy) - 1.0
-    assert np.all(np.abs(off_u[:3]) < 0.06) and abs(off_u[3]) < 0.12  # the bar of docs/slip.md
+    assert np.all(np.abs(off_u[:3]) < 0.06) and abs(off_u[3]) < 0.12  # the bar of docs/how-to/joint.md
     assert np.all(np.abs(off_energy) < 0.2)

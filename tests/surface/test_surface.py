@@ -456,11 +456,14 @@ def test_bad_height_maps_are_refused(tmp_path, smooth_map, arrays, options):
     path = tmp_path / "map.npz"
     x, y, z = smooth_map
     np.savez(path, z=z, x=x, y=y)
-    HeightMap(path=path)
+    assert HeightMap(path=path, L=1.0).L == HeightMap(path=path).L == 1.0
     np.savez(path, **arrays(*smooth_map))
     with pytest.raises(InputError, match=r"map\.npz: |surface\.L") as caught:
         HeightMap(path=path, **options)
     assert "\n" not in str(caught.value)
+    (tmp_path / "map.tif").touch()
+    with pytest.raises(InputError, match="import-map makes a surface"):
+        HeightMap(path=tmp_path / "map.tif", L=1.0)
     with pytest.raises(InputError, match=r"surface\.path = None must be a text"):
         HeightMap(path=None, L=1.0)  # type: ignore[arg-type]
 

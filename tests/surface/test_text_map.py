@@ -171,6 +171,10 @@ def test_a_mark_of_missing_heights_is_named_or_denied(tmp_path: Path, name: str)
     with pytest.raises(InputError, match="import-map --missing -32768"):
         HeightField.read(tmp_path / name, pixel=1.0)
     assert HeightField.read(tmp_path / name, pixel=1.0, missing=-32768.0).missing == 1 / Z.size
+    (tmp_path / "a.xyz").write_text("x (um),y (um),z (nm)\n" + text(POINTS).replace(FIRST, "-9999", 1))
+    with pytest.raises(InputError, match="import-map --missing -9999"):
+        HeightField.read(tmp_path / "a.xyz")
+    assert HeightField.read(tmp_path / "a.xyz", missing=-9999.0).missing == 1 / Z.size
     assert HeightField.read(tmp_path / name, pixel=1.0, missing=np.nan).z[3, 4] == -32768.0
     for missing in (0.0, -9999.0):  # none is left as a height
         with pytest.raises(InputError, match="import-map --missing -32768"):

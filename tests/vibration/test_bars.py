@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from operator import methodcaller
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import Numbers, at_load
+from asperity.vibration.numbers import Numbers
 
 Curve = tuple[Callable[[float], float], np.ndarray]
 Maker = Callable[[np.random.Generator], Curve]
@@ -72,8 +72,8 @@ def test_the_bars_of_computed_points_hold(curve: Maker, least: float) -> None:
             continue
         law = law.about(load)
         values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.0))
-        z_s, k, n, kappa = at_load(law, load)
-        bars = bar_of(law, partial(at_load, load=load))
+        z_s, k, n, kappa = law.at_load(load)
+        bars = bar_of(law, methodcaller("at_load", load))
         inside.append(np.abs(np.array([n, kappa, k]) - np.array(values)[[0, 1, 3]]) <= bars[[2, 3, 1]])
         size.append(bars[1] / k)
         assert z_s == pytest.approx(values[2], rel=0.05)

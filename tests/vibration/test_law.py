@@ -10,10 +10,9 @@ import pytest
 from scipy.integrate import quad
 
 from asperity.errors import AsperityWarning, InputError, RangeError
-from asperity.vibration import ContactOscillator, CurveLaw, Law, PowerLaw, Restoring, TaylorLaw, law_from
+from asperity.vibration import ContactOscillator, CurveLaw, Equation, Law, PowerLaw, TaylorLaw, law_from
 from asperity.vibration.curve_law import Bars
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import at_load
 
 Z = np.linspace(0.0, 1.0, 61)[1:]
 
@@ -22,7 +21,7 @@ Z = np.linspace(0.0, 1.0, 61)[1:]
 def test_power_law_matches_closed_forms(n: float) -> None:
     law = PowerLaw(n, 3.0)
     load = 2.5
-    r = Restoring(law, load)
+    r = Equation(law, load)
     assert r.z_s == pytest.approx((load / 3.0) ** (1 / n), rel=1e-14)
     assert r.n_loc == pytest.approx(n, rel=1e-14)
     assert r.a2 == pytest.approx((n - 1) / 2, abs=1e-14)
@@ -41,7 +40,7 @@ def test_power_law_matches_closed_forms(n: float) -> None:
     ],
 )
 def test_force_is_the_derivative_of_the_potential(law: CurveLaw) -> None:
-    r = Restoring(law, 0.4)
+    r = Equation(law, 0.4)
     for u in (-0.8, -0.3, -1e-3, 1e-5, 0.04, 0.06, 0.5):
         z = r.z_s * (1.0 + u)
         value, _ = quad(lambda z: law.force(z), r.z_s, z, epsabs=1e-13, epsrel=1e-13, limit=400)
@@ -61,7 +60,7 @@ def test_table_of_a_power_law_is_the_power_law() -> None:
     np.testing.assert_allclose(law.force(z), 2.0 * z**1.5, rtol=1e-12)
     np.testing.assert_allclose(law.slope(z), 3.0 * z**0.5, rtol=1e-11)
     np.testing.assert_allclose(law.potential(z), 0.8 * z**2.5, rtol=1e-11)
-    r = ContactOscillator(law, load=0.7).restoring
+    r = ContactOscillator(law, load=0.7)
     assert r.kappa == pytest.approx(-1 / 24, rel=1e-9)
 
 
@@ -143,9 +142,9 @@ def test_every_row_of_a_measured_curve_counts_for_the_paper_law(digits: int) -> 
     [
         (lambda: PowerLaw(-1.5), "n = -1.5"),
         (lambda: PowerLaw(1.5, float("nan")), "K = nan"),
-        (lambda: PowerLaw(1e-3), "n = 0.001 is not legal: it must lie between 0.25 and 100"),
+        (lambda: PowerLaw(0.5), "n = 0.5 is not legal: it must lie between 0.51 and 100"),
         (lambda: law_from({"delta": 1e-6 * Z, "force": Z**60}, "paper"), "K = inf"),
-        (lambda: ContactOscillator(PowerLaw(0.25), load=1e300), "under load = 1e+300"),
+        (lambda: ContactOscillator(PowerLaw(0.51), load=1e300), "under load = 1e+300"),
         (lambda: ContactOscillator(PowerLaw(1.5), zeta=-0.01), "zeta = -0.01"),
         (lambda: ContactOscillator(PowerLaw(1.5), zeta=1.5), "zeta = 1.5"),
         (lambda: ContactOscillator(PowerLaw(1.5), load=0.0), "load = 0.0"),
@@ -208,20 +207,20 @@ def test_the_sides_have_the_bars_of_their_law() -> None:
     """A pair for each error: the load keeps its stiffness, or its kappa, but for the bar; each side is a law itself."""
     law = replace(CurveLaw(Z, Z**1.5), bars=Bars(0.4, 0.02, 0.01, 0.05, 0.03))
     pairs = law.sides()
-    level, contact, tilt, bent = (np.array([at_load(side, 0.4) for side in pair]) for pair in pairs)
-    z, k, n, kappa = at_load(law, 0.4)
+    level, contact, tilt, bent = (np.array([side.at_load(0.4) for side in pair]) for pair in pairs)
+    z, k, n, kappa = law.at_load(0.4)
     np.testing.assert_allclose(tilt[:, 1] / k - 1.0, [-0.05, 0.05], rtol=1e-9)
     np.testing.assert_allclose(tilt[:, 3], [-(n - 1) * (2 * n + 1) / 48 for n in (1.5 * 0.95, 1.5 * 1.05)], rtol=1e-6)
     np.testing.assert_allclose(bent[:, 3] - kappa, [-0.03, 0.03], rtol=1e-4)
     np.testing.assert_allclose(contact[:, 0] - z, [-0.01, 0.01], rtol=1e-9)
     np.testing.assert_allclose(level[:, 0] / z, [0.98 ** (-1 / 1.5), 1.02 ** (-1 / 1.5)], rtol=1e-6)
-    total = bar_of(law, lambda side: at_load(side, 0.4))
+    total = bar_of(law, lambda side: side.at_load(0.4))
     changes = [np.abs(pair - [z, k, n, kappa]).max(axis=0) for pair in (level, contact, tilt, bent)]
     np.testing.assert_allclose(total, np.sqrt(np.sum(np.square(changes), axis=0)))
-    assert np.isnan(bar_of(PowerLaw(1.5), lambda side: at_load(side, 0.4))).all()
+    assert np.isnan(bar_of(PowerLaw(1.5), lambda side: side.at_load(0.4))).all()
     tilt, bent = replace(law, bars=Bars(0.4, stiffness=50.0, kappa=5.0)).sides()  # of what is hardly known
-    assert at_load(tilt[1], 0.4)[1] > 9.0 * k
-    assert [at_load(side, 0.4)[3] - kappa for side in bent] == pytest.approx([-5.0, 5.0])
+    assert tilt[1].at_load(0.4)[1] > 9.0 * k
+    assert [side.at_load(0.4)[3] - kappa for side in bent] == pytest.approx([-5.0, 5.0])
     fine = np.linspace(0.05, 0.99, 400)
     for side in (side for pair in pairs for side in pair):
         assert np.all(np.diff(side.force(fine)) > 0.0)

@@ -9,7 +9,6 @@ import pytest
 
 from asperity.errors import InputError
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import at_load
 from asperity.vibration.source import CurveColumns, choose
 
 START = 3.2e-6  # approach of first contact [m]
@@ -34,7 +33,7 @@ def assert_found(path: Path, rel: float, n: float = 1.5, load: float = LOAD, sta
     """That the law about the load is Hertz's, in its bars and by a relative bar of the stiffness; what was done."""
     choice = choose(CurveColumns.of(path), load=load)
     z = (load / 2e10) ** (1 / 1.5)
-    values, bars = at_load(choice.law, choice.load), bar_of(choice.law, lambda side: at_load(side, choice.load))
+    values, bars = choice.law.at_load(choice.load), bar_of(choice.law, lambda side: side.at_load(choice.load))
     true = np.array([z, n * load / z, n, -(n - 1) * (2 * n + 1) / 48])
     assert np.all(np.abs(values - true) <= bars + 1e-6 * np.abs(true)), (values, true, bars)
     assert bars[1] < rel * values[1]
@@ -86,7 +85,7 @@ def test_a_repeated_turning_point_keeps_the_law_of_the_unloading() -> None:
     choice = choose(CurveColumns.of(curve))
     k = 1.5 * 1.5e6 / (0.7e-6 * 0.5 ** (1 / 1.5))
     assert choice.name == "unload-reload" and not choice.note
-    assert at_load(choice.law, choice.load)[1] == pytest.approx(k, rel=1e-6)
+    assert choice.law.at_load(choice.load)[1] == pytest.approx(k, rel=1e-6)
 
 
 def test_a_kink_is_not_smoothed_away() -> None:
@@ -95,7 +94,7 @@ def test_a_kink_is_not_smoothed_away() -> None:
     choice = choose(CurveColumns.of({"delta": z, "force": z + 50.0 * np.maximum(z - 1.7, 0.0)}), load=1.0)
     stiffness = choice.law.slope(choice.law.deflection(1.0) + np.array([0.0, 0.68, 0.72]))
     np.testing.assert_allclose(stiffness, [1.0, 1.0, 51.0], rtol=0.01)
-    assert bar_of(choice.law, lambda side: at_load(side, 1.0))[0] > abs(choice.law.deflection(1.0) - 1.0)
+    assert bar_of(choice.law, lambda side: side.at_load(1.0))[0] > abs(choice.law.deflection(1.0) - 1.0)
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
         units="SI", patch_area=1e-12,
     )  # fmt: skip
     other = run_dynamics(folder, law="paper", preload=2e-5, forcing=0.003, omega=(0.9, 0.91))
-    assert other.choice is not None and other.choice.name == "paper" and other.first.restoring.load == 2e-5
+    assert other.choice is not None and other.choice.name == "paper" and other.first.load == 2e-5
     assert len(other.responses["exact"]) == 1
     joint = DynamicsSettings.of_source(folder, asp.Joint(nominal_area=3e-12, mass=1.0))
     assert joint.preload == pytest.approx(9e-5, rel=1e-12)
@@ -153,7 +153,7 @@ TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
 
 @settings(max_examples=12, deadline=None)
 @given(
-    st.one_of(st.floats(0.25, 100), TEN_TO),
+    st.one_of(st.floats(0.51, 100), TEN_TO),
     st.one_of(st.just(1.0), TEN_TO),
     st.fixed_dictionaries(
         {"zeta": st.one_of(st.floats(0.001, 0.999), TEN_TO), "forcing": st.one_of(st.floats(1e-9, 1.0), TEN_TO)},
@@ -176,7 +176,7 @@ def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: P
     curve = {"delta": delta, "force": 400.0 * (delta / 1e-7) ** 2}
     joint = {"joint": Joint(preload=100.0, mass=2.0), "model": "exact", "units": "SI"}
     plain = run_dynamics(curve, forcing=0.02, omega=(0.8, 1.1), **joint)
-    scale, hertz = plain.first.restoring.scale, plain.numbers.frequency
+    scale, hertz = plain.first.scale, plain.numbers.frequency
     found = run_dynamics(
         curve,
         forcing=f"{0.02 * scale} N",
@@ -187,7 +187,7 @@ def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: P
     )
     same, other = found.responses["exact"]
     light = plain.responses["exact"][0]
-    assert same.peak == pytest.approx(light.peak, rel=1e-6) and other.setting.zeta == 0.05
+    assert same.peak == pytest.approx(light.peak, rel=1e-6) and other.equation.zeta == 0.05
     down, up = sorted(found.jumps(), key=lambda jump: float(jump["Omega"]))
     assert (down["sweep"], up["sweep"]) == ("down", "up")
     assert [j["frequency"] / hertz for j in (down, up)] == pytest.approx(sorted(e.Omega for e in light["fold"]))
@@ -234,7 +234,7 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
         assert max(float(row["x"]) for row in csv.DictReader(rows)) > 0
     assert (out / "motion.svg").is_file()
     by_length = run_dynamics(curve, forcing="1 nm", joint=Joint(mass=2.0), **more)
-    assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
+    assert by_length.responses["exact"][0].equation.F_hat == pytest.approx(1e-9 / by_length.first.z_s)
 
 
 def test_a_series_that_no_orbit_stays_in_is_left_out_with_a_note() -> None:

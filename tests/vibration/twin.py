@@ -42,7 +42,7 @@ def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 
     The independent variable is the phase s = Omega tau. Where the acceleration jumps, by J, a neighbour whose distance
     is d arrives d/v later: its speed then differs by J d/v (saltation).
     """
-    r, law = e.restoring, e.restoring.law
+    r, law = e, e.law
     edges = [-1.0] if r.contact else []
 
     def acceleration(s: float, u: float, v: float, region: int) -> Vector:

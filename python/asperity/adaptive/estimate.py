@@ -67,7 +67,7 @@ class MeshEstimate:
 
 @dataclass(frozen=True)
 class Rates:
-    """Cost of a dof, measured on one core of the machine named in docs/cluster.md.
+    """Cost of a dof, measured on one core of the machine named in docs/install.md.
 
     Attributes:
         mesh: seconds of meshing and set-up per dof

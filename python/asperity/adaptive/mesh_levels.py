@@ -116,8 +116,8 @@ class LevelSolver:
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=h))
         result = solve_problem(problem, block=self.block, comm=self._comm, hooks=hooks, checked=False)
         # facets that miss waves have another mean height than the surfaces; that of the summit is exact
-        top, level = result.solver.contact_surface, problem.height + problem.rigid.mean()
-        plane = problem.surface.L * top.mean(top.heights) - level
+        top, exact = result.solver.contact_surface, problem.height + problem.rigid.mean()
+        plane = problem.surface.L * top.mean(top.heights) - exact
         result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(h, result.dofs, substeps, seconds))

@@ -102,12 +102,14 @@ def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for section, name in NAMED_FILES:
         if isinstance(path := tables.get(section, {}).get(name), str):
             tables[section][name] = _existing_file(folder, path, f"{section}.{name}")
-    if "tool" in tables and "L" in tables.get("surface", {}):  # of the patch
-        tables["tool"].setdefault("L", tables["surface"]["L"])
     if isinstance(tables.get("material", {}).get("law"), str):
         _complete_law(tables["material"], folder)
     made = {name: make(name, tables[name]) if name in tables else value for name, value in given.items()
-            if name != "loading"}  # fmt: skip
+            if name not in ("loading", "tool")}  # fmt: skip
+    if "tool" in given:
+        patch = {"L": made["surface"].L} if isinstance(made.get("surface"), Surface) else {}
+        of_file = tables.get("tool", {}).get("kind") == "file"  # whose patch may be in it
+        made["tool"] = make("tool", ({} if of_file else patch) | tables["tool"]) if "tool" in tables else given["tool"]
     if "loading" in given:
         loading, joint, surface = tables.get("loading", {}), made.get("joint"), made.get("surface")
         if isinstance(joint, Joint) and isinstance(surface, Surface) and not any(name in loading for name in DRIVERS):

@@ -105,7 +105,7 @@ def _tangential(
     if as_json:
         options.print_json(found.to_dict())
         return
-    section, si = found.to_dict(), found.slip.units == "SI"
+    section, si = found.to_dict(), found.units == "SI"
     for line in section["in_words"]:
         options.say(line)
     for peak in section["peaks"]:
@@ -131,7 +131,7 @@ _ROWS = {
 
 
 def _show(result: Dynamics) -> None:
-    from asperity.output.verdict import jump_rows
+    from asperity.output.verdict import headline, jump_rows
     from asperity.vibration.response import OTHERS
 
     first, onsets, units = result.first, result.thresholds, "" if result.settings.units == "other" else "SI"
@@ -142,8 +142,9 @@ def _show(result: Dynamics) -> None:
         by = "the mass of the joint" if result.gravity is None else f"gravity = {result.gravity:g}"
         rows.insert(0, (f"omega_s{' in rad/s' if units else ''} with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
-        setting = responses[0].setting
-        name = setting.amplitude + (f", F/W = {setting.F_over_mg:g}" if setting.excitation == "force" else "")
+        setting = responses[0].equation
+        of_load = f", F/W = {setting.n_loc * setting.F_hat:g}"
+        name = setting.amplitude + (of_load if setting.excitation == "force" else "")
         if len(result.settings.zeta) > 1:
             name += f", zeta = {setting.zeta:g}"
         rows.append((name, *(_peak(one) for one in responses)))
@@ -164,9 +165,7 @@ def _show(result: Dynamics) -> None:
         options.say(f"{shape} from rest, {path.tau[-1]:.5g}/omega_s: u from {low:.4g} to {top:.4g}, {lost}")
     numbers = result.numbers.to_dict()
     if numbers.get("k_n_with_block"):
-        from asperity.vibration.numbers import headline
-
-        for line in headline(numbers, None, result.settings.units, first.restoring.load):
+        for line in headline(numbers, None, result.settings.units, first.load):
             options.say(line)
     options.say(OTHERS)
     options.say(result.numbers.sentence(units))

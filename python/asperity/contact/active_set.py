@@ -110,5 +110,4 @@ class OnTool(ActiveSet):
             solid.tangent.values()[diagonal[:, i] + j - i] += self._pressed * self._curvature[:, i, j]
         solid.tangent.tilt(solid.ghosts.scatter_forward(self._slopes).copy())
 
-    def add_elastic_tangent(self) -> None:
-        self.add_tangent()
+    add_elastic_tangent = add_tangent

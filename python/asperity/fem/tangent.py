@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from asperity.arrays import Floats, Singles
+from asperity.arrays import Flags, Floats, Singles
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
 from asperity.runtime.compiled import solver as _solver
@@ -98,7 +98,8 @@ class Tangent:
     def tilt(self, slopes: Floats) -> None:
         """Take n . u, n = (slopes, 1), in place of u_z as an unknown of each local node, slopes (nodes, 2)."""
         self._slopes = slopes
-        indptr, columns, moved = self._sparsity.indptr.astype(np.int64), self._sparsity.indices, slopes.any(axis=1)
+        indptr, columns = self._sparsity.indptr.astype(np.int64), self._sparsity.indices
+        moved: Flags = np.asarray(slopes.any(axis=1))
         rows = np.repeat(np.arange(len(moved)), np.diff(indptr))
         blocks = np.flatnonzero(moved[rows] | moved[columns])
         rows, columns = rows[blocks], columns[blocks]

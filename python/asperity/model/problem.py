@@ -24,7 +24,8 @@ from asperity.model.settings import (
     SolverOptions,
 )
 from asperity.runtime.declaration import Real, argument, check_shares, declared, unknown
-from asperity.surface import Flat, Surface, composite
+from asperity.surface import Flat, Pyramid, Surface, composite
+from asperity.surface.shapes import Bump
 
 SAME = 1e-9  # relative difference of the sides of surface and tool
 SAMPLES = 257  # heights along each side by which a load is judged
@@ -185,7 +186,9 @@ class Problem:
         depth = float(np.ptp(surface.grid(SAMPLES)))
         if depth <= 1e-12 * surface.L:
             return []
-        found = list(filter(None, [doubt_of_edge(self.sides, surface)]))
+        found = list(
+            filter(None, [doubt_of_edge(self.sides, surface), doubt_of_tip(surface, self.rigid, delta or 0.0)])
+        )
         if delta is not None and delta > depth:
             found.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
@@ -284,6 +287,22 @@ def check_lengths(side: float, height: float, path: Schedule, size: MeshSize) ->
         raise InputError(
             f"loading.delta_max = {delta_max:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
         )
+
+
+def doubt_of_tip(surface: Surface, tool: Surface, delta: float) -> str:
+    """That a tip meets the sides of the patch at an approach [length], in a sentence; empty where it does not."""
+    if not isinstance(tool, Bump | Pyramid):
+        return ""
+    x, y, z = surface.maximum()
+    along = np.linspace(0.0, surface.L, SAMPLES)
+    ends = (0.0, surface.L)
+    sides = [(end, along) for end in ends if end != x] + [(along, end) for end in ends if end != y]
+    if all(float(np.max(surface.height(*side))) < z - delta for side in sides):
+        return ""
+    return (
+        "the tool reaches a side of the patch, beyond which there is no more solid: press less deep, or give a larger "
+        "surface.L"
+    )
 
 
 def doubt_of_edge(sides: str, surface: Surface) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 from asperity.output.assumptions import DOUBTFUL
 from asperity.output.results import Results
 from asperity.units import plus_minus, quantity
-from asperity.vibration.numbers import headline
 
 
 def verdict(results: Results) -> list[str]:
@@ -79,6 +78,42 @@ def _vibration(results: Results) -> Iterator[str]:
         yield f"Its law is doubtful: {doubt}."
     for line in (results.summary.get("slip") or {}).get("in_words", ()):
         yield f"{line}."
+
+
+def headline(
+    numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float
+) -> list[str]:
+    """The joint in one line with its two bars, the larger first, and with the block of the model in a second.
+
+    Args:
+        numbers: see `Numbers.to_dict`
+        patches: section of summary.json, what other patches change of the stiffness with the block; or None
+        units: "other" shows numbers without units
+        load: preload (force)
+    """
+    newton, metre, hertz = ("", "", "") if units == "other" else ("N", "N/m", "Hz")
+    k, f, block = numbers["k_n"], numbers.get("f"), numbers.get("k_n_with_block")
+    bars = [(float(numbers["k_n_bar"]), "numerical error")] if numbers.get("k_n_bar") else []
+    if patches:  # of the stiffness with the block in series, whose share of the compliance is the same for all patches
+        bars.append((patches["bar"] * (k / block if block else 1.0), "other patches of this roughness ±"))
+    bars.sort(reverse=True)
+    largest = bars[0][0] if bars else nan
+    digits = 2 if largest > 0.03 else 3 if largest > 0.003 else 4
+    after, greatest = "", numbers.get("greatest_load")
+    if greatest and greatest > load * (1 + 1e-6):
+        after = f" after a load of up to {quantity(greatest, newton, 3)}"
+    text = f"stiffness {quantity(k, metre, digits)}"
+    if f is not None:
+        text += f", frequency {quantity(f, hertz, digits + 1)}"
+    words = ", ".join(f"{words} {100 * bar:.2g} %" for bar, words in bars)
+    lines = [
+        f"Interface of the joint about {quantity(load, newton)}{after}: {text}"
+        + (f" (of the stiffness: {words})" if words else "")
+        + "."
+    ]
+    if block:
+        lines.append(f"With the block of the model in series the stiffness is {quantity(block, metre, digits)}.")
+    return lines
 
 
 def doubts(records: Sequence[Mapping[str, Any]], named: bool = False) -> list[str]:

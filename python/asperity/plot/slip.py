@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.slip.tangential import TangentialVibration
+from asperity.slip.joint_slip import JointSlip
 from asperity.units import prefix
 
 
@@ -37,10 +37,10 @@ def slip(results: Results) -> Figure:
 
 
 @style.styled
-def response(found: TangentialVibration) -> Figure:
+def response(found: JointSlip) -> Figure:
     """Draw the amplitude of the tangential vibration over frequency, one curve per force."""
     figure, (axis,) = style.figure(style.SINGLE, 3.4, "")
-    si, curves = found.slip.units == "SI", found.responses
+    si, curves = found.units == "SI", found.responses
     of_a, unit_a = prefix(max(float(a.max()) for _, a in curves.values()), "m" if si else "")
     of_f, unit_f = prefix(max(float(f.max()) for f, _ in curves.values()), "Hz" if si else "")
     for colour, (share, (f, a)) in zip(cycle(style.COLOURS), curves.items(), strict=False):

@@ -283,7 +283,9 @@ class ToForce:
             )
         number, wanted = self._following(at.target + int(step == at.step), force)
         longest = GROWTH * step if self.up > 0.0 or step < at.step else np.inf
-        whole = wanted / slope if slope > 0.0 else GROWTH * step
+        whole = 0.0
+        if wanted > 0.0:
+            whole = wanted / slope if slope > 0.0 else GROWTH * step
         shortest = min(at.shortest, SMALLEST_CUT * whole)
         after = replace(at, target=number, step=min(whole, longest), shortest=shortest)
         # the next solve may find the end before a whole step

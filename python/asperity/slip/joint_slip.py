@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,13 @@ from asperity.vibration.curve_law import Bars, CurveLaw
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.source import Choice, CurveColumns, choose
 
+RESPONSE = "slip_response.csv"
 #: Columns of slip_loops.csv with an error bar.
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
-OF_THE_CURVE = "The bars of slip are those of the curve, without the error of the law (docs/slip.md)"
+OF_THE_CURVE = "The bars of slip are those of the curve, without the error of the law (docs/how-to/joint.md)"
 KINEMATIC = (
     "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
-    "plastic strain is held (docs/slip.md)"
+    "plastic strain is held (docs/how-to/joint.md)"
 )
 
 
@@ -47,6 +48,8 @@ class JointSlip:
         mass: that vibrates on the joint (mass); without a mass, None, no frequency follows
         factor: nominal area of the joint over that of the patch
         units: "SI" shows SI units in words
+        responses: by harmonic force over the limit of friction: frequency (1/time) and amplitude (length), along the
+            curve
     """
 
     law: SlipLaw
@@ -57,6 +60,7 @@ class JointSlip:
     mass: float | None = None
     factor: float = 1.0
     units: str = "SI"
+    responses: Mapping[float, tuple[Array, Array]] = field(default_factory=dict)
 
     __repr__ = short_repr
 
@@ -96,8 +100,13 @@ class JointSlip:
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Section "slip" of summary.json."""
-        return {
+        """Section "slip" of summary.json; with responses also the mass and the peak of each."""
+        peaks = [
+            {"force": share, "f": float(f[a.argmax()]), "amplitude": float(a.max())}
+            for share, (f, a) in self.responses.items()
+        ]
+        more = {"mass": self.mass, "peaks": peaks} if peaks else {}
+        return more | {
             "friction": self.law.friction, "preload": self.law.preload, "limit": self.law.limit,
             "k_rest": float(self.law.k_tangent(0.0)), "loops": [_known(row) for row in self.loops()],
             "vibration": self.vibration(), "in_words": self.lines(), "notes": list(self.notes),
@@ -118,10 +127,19 @@ class JointSlip:
             found.append(f"Slip at {at:g} of the friction limit: {name} {shown}, damping ratio {zeta}")
         return [*found, OF_THE_CURVE] if np.isfinite(self.bars).all() else found
 
-    def write(self, folder: Path) -> None:
-        """Write slip.csv and slip_loops.csv."""
-        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops())):
-            write_csv(folder / name, tuple(rows[0]), map(_known, rows))
+    def write(self, folder: str | Path) -> None:
+        """Write slip.csv and slip_loops.csv of the patch; with responses slip_response.csv of the joint."""
+        folder, limit = Path(folder), self.factor * self.law.limit
+        folder.mkdir(parents=True, exist_ok=True)
+        responses: list[dict[str, float]] = [
+            {"force": share * limit, "frequency": float(x), "amplitude": float(y)}
+            for share, (f, a) in self.responses.items()
+            for x, y in zip(f, a, strict=True)
+        ]
+        tables = {SLIP: list(self.steps()), SLIP_LOOPS: self.loops(), RESPONSE: responses}
+        for name, rows in tables.items():
+            if rows:
+                write_csv(folder / name, tuple(rows[0]), map(_known, rows))
 
 
 def _rows(columns: Mapping[str, Array]) -> list[dict[str, float]]:
@@ -170,7 +188,7 @@ def slip_of_curve(
     bars: Array = np.full((len(WITH_ERRORS), t.size), np.nan)
     if isinstance(choice.law, CurveLaw) and measured and (not choice.yielded or choice.name == "unload-reload"):
         # the law passes through its points: only their errors count, not those of a local fit
-        of_force, of_k = (columns.bar_at(choice.load, elastic=elastic) for elastic in (False, True))
+        of_force, of_k = (columns.bar_at(choice.load, name) for name in ("P_star", "k_n_elastic"))
         of_curve = replace(choice.law, bars=Bars(choice.load, of_force, stiffness=float(np.nan_to_num(of_k))))
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = bar_of(of_curve, lambda side: _columns(make(side), t))
@@ -203,14 +221,15 @@ def _ratios(columns: CurveColumns, choice: Choice, block: float, direction: str)
     direction is that of the motion, "x" or "y".
     """
     mean, along_x = columns.curve.k_t[choice.rows], columns.curve.k_t_x[choice.rows]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows without contact have no stiffness
         tangential = 1.0 / (along_x if direction == "x" else 2.0 * mean - along_x) - block
-    return _by_force(columns, choice, tangential * columns.elastic[choice.rows])
+        ratio = tangential * columns.curve.k_n_elastic[choice.rows]
+    return _by_force(columns, choice, ratio)
 
 
 def _by_force(columns: CurveColumns, choice: Choice, values: Array) -> tuple[Array, Array]:
     """Forces (n,), rising, and positive values at the rows of a branch."""
-    force = columns.force[choice.rows]
+    force = columns.curve.force[choice.rows]
     known = np.flatnonzero((force > 0.0) & (values > 0.0) & np.isfinite(values))
     known = known[np.argsort(force[known], kind="stable")]
     return force[known], values[known]

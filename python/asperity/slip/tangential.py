@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,61 +15,24 @@ from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
 from asperity.model.dynamics import DynamicsSettings
 from asperity.model.limits import positive
-from asperity.runtime.display import short_repr
-from asperity.runtime.files import write_csv
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.slip.law import SlipLaw
 from asperity.vibration.run import small_vibration
 
-RESPONSE = "slip_response.csv"
 _SLIDERS = 100  # whose energy is that of the law to 0.3 %
 _LIGHTEST = 1e-3  # force over the limit below which nothing slips
 _POINTS = 200  # of each side of the resonance
 _FAR = 0.01  # amplitude at which the response begins, over that of the peak
 
 
-@dataclass(frozen=True, eq=False)
-class TangentialVibration:
-    """Tangential vibration of a mass on a joint, by the normal curve.
-
-    Attributes:
-        slip: of the patch, with the mass
-        responses: by force over the limit of friction: frequency (1/time) and amplitude (length), along the curve
-    """
-
-    slip: JointSlip
-    responses: dict[float, tuple[Array, Array]]
-
-    __repr__ = short_repr
-
-    def to_dict(self) -> dict[str, Any]:
-        """Section slip of a run, and the peak of each force."""
-        peaks = [
-            {"force": share, "f": float(f[a.argmax()]), "amplitude": float(a.max())}
-            for share, (f, a) in self.responses.items()
-        ]
-        return self.slip.to_dict() | {"mass": self.slip.mass, "peaks": peaks}
-
-    def write(self, folder: str | Path) -> None:
-        """Write slip.csv and slip_loops.csv of the patch, and slip_response.csv of the joint."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        self.slip.write(folder)
-        limit = self.slip.factor * self.slip.law.limit
-        rows = (
-            {"force": share * limit, "frequency": x, "amplitude": y}
-            for share, (f, a) in self.responses.items()
-            for x, y in zip(f.tolist(), a.tolist(), strict=True)
-        )
-        write_csv(folder / RESPONSE, ("force", "frequency", "amplitude"), rows)
-
-
 def tangential_vibration(
     case: Any, curve: Any, settings: DynamicsSettings, forces: Sequence[float], zeta: float = 0.0
-) -> TangentialVibration:
-    """Tangential vibration of the joint of a run, its case as nested tables.
+) -> JointSlip:
+    """Slip of the joint of a run with the mass that vibrates on it, and its responses to harmonic forces.
 
     Args:
+        case: as nested tables
+        curve: of the run
         settings: with the joint and its preload
         forces: amplitudes of the harmonic force over the limit of friction
         zeta: damping ratio in addition to that of slip, see `tangential_response`
@@ -85,12 +47,11 @@ def tangential_vibration(
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give joint.mass")
     slip = slip_of_case(case, curve, settings.patch_load)
-    slip = replace(slip, mass=mass, factor=factor, units=str(case.get("units", "SI")))
     responses = {}
     for share in forces:  # a joint is its patches side by side: forces and mass over the factor, the same lengths
         omega, a = tangential_response(slip.law, mass / factor, share * slip.law.limit, zeta=zeta)
         responses[float(share)] = omega / (2.0 * np.pi), a
-    return TangentialVibration(slip, responses)
+    return replace(slip, mass=mass, factor=factor, units=str(case.get("units", "SI")), responses=responses)
 
 
 def sliders(law: SlipLaw, count: int = _SLIDERS) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from pydantic import Field
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key, unknown
-from asperity.runtime.display import nearest, optional, picture, short_repr, show
+from asperity.runtime.display import nearest, picture, short_repr, show
 from asperity.surface.maximum import global_maximum
 from asperity.surface.spectrum import Spectrum, psd
 
@@ -246,11 +246,6 @@ class Surface(ABC):
         The share does not depend on the spectrum. A spike takes all of the approach.
         """
         return min(light_depth(self.heights, self.maximum()[2]), 0.1 * self.L)
-
-    def to_xarray(self, n: int = 513) -> Any:
-        """Heights of an n x n grid over y and x [length]; needs the package xarray."""
-        s = np.linspace(0.0, self.L, n)
-        return optional("xarray").DataArray(self.grid(n), {"y": s, "x": s}, ("y", "x"), name="height")
 
     def _repr_html_(self) -> str:
         """Picture of the heights, for a notebook."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import hypot
 from typing import Annotated, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import InstanceOf
 
@@ -36,55 +37,45 @@ class Composite(Surface):
     surface: Annotated[InstanceOf[Surface], *_PART]
     tool: Annotated[InstanceOf[Surface], *_PART]
 
-    @property
-    def _parts(self) -> tuple[Surface, Surface]:
-        return self.surface, self.tool
-
-    def _sum(self, *parts: Any) -> Any:
-        return tuple(a + b for a, b in zip(*parts, strict=True))
+    def _each(self, of: Callable[[Surface], Any]) -> tuple[Any, Any]:
+        return of(self.surface), of(self.tool)
 
     @property
     def rough(self) -> bool:  # type: ignore[override]
         """Whether slope statistics describe the contact of one of them."""
-        return self.surface.rough or self.tool.rough
+        return any(self._each(lambda part: part.rough))
 
     @property
     def cutoff_key(self) -> str:  # type: ignore[override]
         """What cuts off the short waves of the one with the shorter ones."""
-        return min(self._parts, key=lambda part: part.feature_size).cutoff_key
+        return min((self.surface, self.tool), key=lambda part: part.feature_size).cutoff_key
 
     @property
     def feature_size(self) -> float:
         """That of the one with the shorter waves (length)."""
-        return min(part.feature_size for part in self._parts)
+        return min(self._each(lambda part: part.feature_size))
 
     @property
     def periodic(self) -> bool:
         """Whether both are."""
-        return self.surface.periodic and self.tool.periodic
+        return all(self._each(lambda part: part.periodic))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return self.surface.height(x, y) + self.tool.height(x, y)
+        return sum(self._each(lambda part: part.height(x, y)))
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        x_y: tuple[Array, Array] = self._sum(*(part.gradient(x, y) for part in self._parts))
-        return x_y
+        one, two = self._each(lambda part: part.gradient(x, y))
+        return one[0] + two[0], one[1] + two[1]
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        xx_xy_yy: tuple[Array, Array, Array] = self._sum(*(part.hessian(x, y) for part in self._parts))
-        return xx_xy_yy
+        one, two = self._each(lambda part: part.hessian(x, y))
+        return one[0] + two[0], one[1] + two[1], one[2] + two[2]
 
     def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        return self.surface.on_product(x, y, dx, dy) + self.tool.on_product(x, y, dx, dy)
-
-    def mean(self) -> float:
-        return self.surface.mean() + self.tool.mean()
+        return sum(self._each(lambda part: part.on_product(x, y, dx, dy)))
 
     def curvature_bound(self) -> float:
-        return self.surface.curvature_bound() + self.tool.curvature_bound()
+        return sum(self._each(lambda part: part.curvature_bound()))
 
     def short_waves(self, wavelength: float, depth: float) -> float:
-        return float(np.hypot(*(part.short_waves(wavelength, depth) for part in self._parts)))
-
-    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return self.surface.smoothed(x, y, s) + self.tool.smoothed(x, y, s)
+        return hypot(*self._each(lambda part: part.short_waves(wavelength, depth)))

@@ -21,7 +21,9 @@ from asperity.runtime.text_table import TextTable, is_text
 from asperity.units import LENGTHS
 
 ARRAYS, TEXT = (".npz", ".npy"), (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
-EXACT, OFF_GRID, STRAIGHT = 1e-6, 0.1, 0.02  # deviation over their step of coordinates of arrays, points, and a matrix
+EXACT = 1e-6  # relative difference of sides, or of steps of an array, that are the same
+OFF_GRID, STRAIGHT = 0.1, 0.02  # deviation of coordinates of points, and of those beside a matrix, over their step
+LEAST = 4  # heights along a side of a map, for a cubic spline
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
 _HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)  # name of a channel
 _UNIT = r'"?\s*(?:[\[(]\s*([^\s\[\]()]+)\s*[\])])?"?'
@@ -60,8 +62,7 @@ def read_heights(
         name, files = ("--channel", "instruments") if channel is not None else ("--array", "type .npz")
         raise InputError(f"{path}: {name} is for files of {files}")
     try:
-        found = _of_text(path, metres) if text else _of_arrays(path, metres or 1.0, array)
-        return found._replace(z=_without_marks(found.z, missing, metres or 1.0))
+        return _of_text(path, metres, missing) if text else _of_arrays(path, metres or 1.0, missing, array)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
 
@@ -96,19 +97,19 @@ def steps_of(z: Array, sides: Any) -> tuple[float, float]:
     return float(sides[0]) / max(nx - 1, 1), float(sides[-1]) / max(ny - 1, 1)
 
 
-def _without_marks(z: Array, missing: float | None, metres: float) -> Array:
-    """Heights [m] with NaN in place of `missing` (unit of the file); ValueError where another usual mark is left."""
+def _without_marks(z: Array, missing: float | None) -> Array:
+    """Heights with NaN in place of `missing` (unit of the file); ValueError where another usual mark is left."""
     if missing is not None and np.isnan(missing):
         return z
-    if left := [mark for mark in MARKS if mark != missing and (z == mark * metres).any()]:
+    if left := [mark for mark in MARKS if mark != missing and (z == mark).any()]:
         raise ValueError(
             f"heights of {left[0]:g} usually stand for missing ones: say so (import-map --missing {left[0]:g}), or "
             "that they are heights (--missing nan), or write NaN in their place into the file"
         )
-    return z if missing is None else np.where(z == missing * metres, np.nan, z)
+    return z if missing is None else np.where(z == missing, np.nan, z)
 
 
-def _of_arrays(path: Path, metres: float, wanted: str | None) -> Heights:
+def _of_arrays(path: Path, metres: float, missing: float | None, wanted: str | None) -> Heights:
     """Heights of a file of NumPy; an .npz file has x and y, dx and dy, or L beside them."""
     data, name = ({"z": read_npy(path)}, "z") if path.suffix.lower() == ".npy" else (read_npz(path), wanted)
     if name is None:
@@ -117,7 +118,7 @@ def _of_arrays(path: Path, metres: float, wanted: str | None) -> Heights:
     if name not in data:
         more = "" if wanted else ": name the heights with --array"
         raise ValueError(f"no array {name!r}; it has {', '.join(data) or 'none'}{more}")
-    z, steps = metres * real(data[name]), None
+    z, steps = metres * _without_marks(real(data[name]), missing), None
     if "x" in data and "y" in data:
         (nx, dx, ix), (ny, dy, iy) = (_grid(axis, real(data[axis]), EXACT) for axis in "xy")
         if not z.shape == (ny, nx) == (iy.size, ix.size):
@@ -146,7 +147,7 @@ def _grid(name: str, values: Array, off: float) -> tuple[int, float, Array]:
     return ordered.size, float(regular[1] - regular[0]), place
 
 
-def _of_text(path: Path, metres: float | None) -> Heights:
+def _of_text(path: Path, metres: float | None, missing: float | None) -> Heights:
     """Heights of a matrix, or of lines x, y, z in any order, of which a few may be missing.
 
     Only the names of the columns x, y, z are read of a header: with any other one `metres` must be given.
@@ -171,14 +172,18 @@ def _of_text(path: Path, metres: float | None) -> Heights:
     if table.shape[1] != 3:
         if not all(line.strip() for line in text.lines[text.first :]):
             raise ValueError("blank lines separate its rows: write one map into a file, without them")
+        if min(table.shape) < LEAST:
+            raise ValueError(
+                f"{table.shape[0]} rows of {table.shape[1]} cells are no map: give {LEAST} x {LEAST} or more"
+            )
         _refuse_coordinates(table)
-        return Heights((metres or 1.0) * table, None)
+        return Heights((metres or 1.0) * _without_marks(table, missing), None)
     table = table[np.isfinite(table[:, :2]).all(axis=1)]
     (nx, dx, ix), (ny, dy, iy) = (_grid(name, table[:, i], OFF_GRID) for i, name in enumerate("xy"))
     if nx * ny > 2 * len(table) or np.unique(iy * nx + ix).size != len(table):
         raise ValueError(f"{len(table)} points x, y, z are no map of {nx} x {ny} places, one height for each")
     z = np.full((ny, nx), np.nan)
-    z[iy, ix] = table[:, 2]
+    z[iy, ix] = _without_marks(table[:, 2], missing)
     ux, uy, uz = [LENGTHS[unit] for unit in units] or [metres or 1.0] * 3
     return Heights(z * uz, (dx * ux, dy * uy))
 
@@ -188,7 +193,7 @@ def _refuse_coordinates(table: Array) -> None:
 
     Coordinates in unequal steps are refused where both column and row rise, as heights do not.
     """
-    rise = [bool(np.all(np.diff(v) > 0) or np.all(np.diff(v) < 0)) for v in (table[1:, 0], table[0, 1:], table[1, 1:])]
+    rise = [_rises(table[1:, 0]), _rises(table[0, 1:]), any(map(_rises, table[1::7, 1:]))]
     for name, lines in (("column", table.T), ("row", table)):
         edge, steps = lines[0], np.diff(lines[:2], axis=1)
         step = float(np.mean(steps[0, 1:]))
@@ -199,6 +204,11 @@ def _refuse_coordinates(table: Array) -> None:
                 f"the first {name}, {edge[1]:g}, {edge[2]:g}, {edge[3]:g} ..., may be coordinates: leave coordinates "
                 "out and give the distance between heights (--pixel), or write an .npz file or lines of x, y, z"
             )
+
+
+def _rises(values: Array) -> bool:
+    steps = np.diff(values)
+    return bool(np.all(steps > 0) or np.all(steps < 0))
 
 
 def _of_instrument(path: Path, pixel: tuple[float, float] | None, metres: float | None, wanted: str | None) -> Heights:

@@ -24,8 +24,9 @@ from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Side, light_depth, short_wave_share
+from asperity.surface.height_files import ARRAYS, EXACT, TEXT
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scans import SAME, HeightField
+from asperity.surface.scans import HeightField
 from asperity.surface.shapes import Flat
 from asperity.surface.spline_surface import ScaleSpace, SplineSurface
 
@@ -74,6 +75,11 @@ class HeightMap(SplineSurface):
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
+        if Path(self.path).suffix.lower() not in (*ARRAYS, *TEXT):
+            raise InputError(
+                f"{self.path}: a case reads {', '.join((*ARRAYS, *TEXT))}; asperity import-map makes a surface of the "
+                "files of instruments"
+            )
         self._set(HeightField.read(self.path, side=self.L), f"{self.path}: ")
         super().__post_init__()
 
@@ -96,7 +102,7 @@ class HeightMap(SplineSurface):
     def _set(self, field: HeightField, where: str = "") -> None:
         """Take the heights of a field, which must be square, complete, and plausible."""
         z, (L, other) = field.z, field.size
-        if not math.isclose(L, other, rel_tol=SAME):
+        if not math.isclose(L, other, rel_tol=EXACT):
             raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
         if max(z.shape) > MOST:
             raise InputError(
@@ -222,16 +228,10 @@ class HeightMap(SplineSurface):
             found.append(same and np.sqrt(np.mean(across**2)) <= 2.0 * np.sqrt(np.mean(bend**2)))
         return all(found)
 
-    @property
-    def _knots(self) -> tuple[Array, Array]:
-        """Ends of the polynomials of the spline along x and y (length)."""
-        along_x, along_y = (np.unique(t) for t in self._derivatives[0, 0].get_knots())
-        return along_x, along_y
-
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        x, y = self._knots
-        return global_maximum(self, (_with_middles(x), _with_middles(y)))
+        y, x = (_with_middles(np.unique(t)) for t in self._derivatives[0, 0].get_knots())
+        return global_maximum(self, (x, y))
 
 
 def _interpolated(z: Array, L: float) -> tuple[BivariateSpline, float]:
@@ -242,10 +242,9 @@ def _interpolated(z: Array, L: float) -> tuple[BivariateSpline, float]:
     """
     from scipy.interpolate import BivariateSpline, PchipInterpolator, RectBivariateSpline
 
-    x, y = (np.linspace(0, L, n) for n in z.shape[::-1])
-    # the first axis of the spline is x
-    spline = RectBivariateSpline(x, y, z.T, s=0)
-    rise = _ringing(z, spline(_with_middles(x), _with_middles(y)).T)
+    y, x = (np.linspace(0, L, n) for n in z.shape)
+    spline = RectBivariateSpline(y, x, z, s=0)
+    rise = _ringing(z, spline(_with_middles(y), _with_middles(x)))
     if rise <= MATTERS * light_depth(z):
         return spline, 0.0
     slopes = (step * PchipInterpolator(at, z, axis=axis)(at, 1) for at, step, axis in ((x, x[1], 1), (y, y[1], 0)))
@@ -257,7 +256,7 @@ def _interpolated(z: Array, L: float) -> tuple[BivariateSpline, float]:
         knots.append(step * np.repeat(np.arange(n), [4, *[2] * (n - 2), 4]))
     heights, dx, dy = (np.repeat(np.repeat(f, 2, axis=0), 2, axis=1) for f in (z, *slopes))
     c = heights + signs[1] * dx + signs[0][:, None] * dy
-    return BivariateSpline._from_tck((knots[1], knots[0], c.T.ravel(), 3, 3)), rise
+    return BivariateSpline._from_tck((*knots, c.ravel(), 3, 3)), rise
 
 
 def _ringing(z: Array, fine: Array) -> float:

@@ -15,26 +15,23 @@ _ROWS = 256  # of the grid at once
 _ROUNDS = 8, 200  # steps of the ascents of all nodes, and of the highest one
 
 
-def global_maximum(
-    surface: Surface, nodes: tuple[Array, Array] | None = None, K: float | None = None
-) -> tuple[float, float, float]:
+def global_maximum(surface: Surface, nodes: tuple[Array, Array] | None = None) -> tuple[float, float, float]:
     """(x, y, z) of the highest point of the closed patch.
 
-    Next to a summit there is a node of a grid of spacing h, at most h/sqrt(2) away and at most K h^2/4 lower. From all
-    nodes above that level Newton's method climbs to a summit. Heights determine its position to the square root of the
-    rounding unit only; beyond that the slope decides.
+    Next to a summit there is a node of a grid of spacing h, at most h/sqrt(2) away and at most K h^2/4 lower for the
+    bound K of the curvature. From all nodes above that level Newton's method climbs to a summit. Heights determine its
+    position to the square root of the rounding unit only; beyond that the slope decides.
 
     Args:
         surface: the height field
         nodes: along x and along y, from edge to edge (length); default some on each feature
-        K: bound of the curvature (1/length); default that of the surface
     """
     if nodes is None:
         n = int(np.clip(np.ceil(_PER_FEATURE * surface.L / surface.feature_size), _FEWEST, _MOST))
         nodes = (np.linspace(0.0, surface.L, n + 1),) * 2
     x, y = nodes
     h = max(float(np.diff(x).max()), float(np.diff(y).max()))
-    margin = 0.25 * (surface.curvature_bound() if K is None else K) * h**2
+    margin = 0.25 * surface.curvature_bound() * h**2
     places: Indices = np.empty(0, dtype=np.int64)
     heights: Array = np.empty(0)
     level = -np.inf

@@ -20,13 +20,13 @@ from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import write_npz
 from asperity.surface.base import FLAT
-from asperity.surface.height_files import read_heights, steps_of
+from asperity.surface.height_files import EXACT, LEAST, read_heights, steps_of
 
 Trend = Literal["mean", "plane", "curvature"]
 
 DEGREES = {"mean": 0, "plane": 1, "curvature": 2}
-LEAST, LEAST_PATCH = 4, 8  # heights along a side of a map, and of a patch that is cut
-SAME = 1e-3  # relative difference of lengths that were rounded
+LEAST_PATCH = 8  # heights along a side of a patch that is cut
+ROUNDED = 1e-3  # relative difference of pixels that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 SPIKE = 10.0  # distance of a spike from the median of its neighbours over the usual one; 7 at most on rough surfaces
 STEEPEST = 30.0  # greatest plausible rms slope
@@ -113,17 +113,17 @@ class HeightField:
         z, own, name, note = read_heights(path, given, unit, missing, channel, array)
         try:
             if given is None and side is not None:
-                given = steps_of(z, side)
-            if own and given and not np.allclose(own, given, rtol=SAME, atol=0.0):
+                given = steps_of(z, (side, side) if own else side)
+            if own and given and not np.allclose(own, given, rtol=EXACT if pixel is None else ROUNDED, atol=0.0):
                 raise ValueError(
                     f"it has lengths of its own, dx = {own[0]:.6g} and dy = {own[1]:.6g}, not {given[0]:.6g} and "
                     f"{given[1]:.6g}: leave out {'surface.L' if pixel is None else '--pixel'}, or correct the file"
                 )
-            if not (own or given):
+            if (steps := own or given) is None:
                 raise ValueError(
                     "it has no lengths; give the distance between heights (--pixel), or surface.L in a case"
                 )
-            return cls(z, *(own or given), name, (note,) if note else ())
+            return cls(z, *steps, name, (note,) if note else ())
         except (ValueError, InputError) as error:
             raise InputError(f"{path}: {error}") from None
 

@@ -205,7 +205,7 @@ class SelfAffine(SplineSurface):
         gain = [quintic_gain(k * (self.period / n)) for k in self._wave_numbers]
         nodes = _synthesis(self._waves / (gain[0] * gain[1]), n)
         knots = np.arange(-5.0, n + 6) * (self.period / n)
-        return BivariateSpline._from_tck((knots, knots, np.pad(nodes, (2, 3), mode="wrap").T.ravel(), 5, 5))
+        return BivariateSpline._from_tck((knots, knots, np.pad(nodes, (2, 3), mode="wrap").ravel(), 5, 5))
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         return super()._at(np.mod(x, self.period), np.mod(y, self.period), dx, dy)

@@ -27,7 +27,7 @@ class SplineSurface(Surface):
 
     @abstractmethod
     def _make_spline(self) -> BivariateSpline:
-        """The spline; its first axis is x."""
+        """The spline; its first axis is y."""
 
     @cached_property
     def _derivatives(self) -> dict[tuple[int, int], Any]:
@@ -36,12 +36,12 @@ class SplineSurface(Surface):
     def _derivative(self, dx: int, dy: int) -> Any:
         """Derivative as a spline, made once: it takes as long as 10,000 points."""
         if (dx, dy) not in self._derivatives:
-            self._derivatives[dx, dy] = self._derivatives[0, 0].partial_derivative(dx, dy)
+            self._derivatives[dx, dy] = self._derivatives[0, 0].partial_derivative(dy, dx)
         return self._derivatives[dx, dy]
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        values = self._derivative(dx, dy)(x.ravel(), y.ravel(), grid=False)
+        values = self._derivative(dx, dy)(y.ravel(), x.ravel(), grid=False)
         return np.asarray(values, dtype=float).reshape(x.shape)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -54,7 +54,7 @@ class SplineSurface(Surface):
         return self._at(x, y, 2, 0), self._at(x, y, 1, 1), self._at(x, y, 0, 2)
 
     def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:  # far cheaper than scattered points
-        return np.asarray(self._derivative(dx, dy)(x, y).T)
+        return np.asarray(self._derivative(dx, dy)(y, x))
 
     def curvature_bound(self) -> float:
         """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""

@@ -46,7 +46,7 @@ TESTS: dict[str, Callable[[Orbit], float]] = {
 def main_branch(col: Collocation, window: tuple[float, float]) -> tuple[list[list[Orbit]], list[str]]:
     """Paths of the main branch around a window, and notes on what could not be followed."""
     low, high = window
-    strong = col.setting.forcing(max(high, 1.0))
+    strong = col.equation.forcing(max(high, 1.0))
     limits = 0.5 * low, max(1.5 * high, 2.0, (50.0 * strong) ** 0.5)  # above, the amplitude is about F^/Omega^2
     paths: list[list[Orbit]] = []
     notes: list[str] = []
@@ -75,8 +75,8 @@ def _from_rest(col: Collocation, omega: float) -> Orbit | None:
         found = Orbit.rest(omega)
         with suppress(ConvergenceError):
             for part in np.arange(1, parts + 1) / parts:
-                weaker = replace(col.setting, F_hat=part * col.setting.F_hat)
-                found = Collocation(col.equation, weaker, col.tol).correct(found, fixed=True)
+                weaker = replace(col.equation, F_hat=part * col.equation.F_hat)
+                found = Collocation(weaker, col.tol).correct(found, fixed=True)
             return found
     return None
 

@@ -217,8 +217,15 @@ class CurveLaw(Law):
         steepest = 3.0 * np.minimum(np.append(secants[0], secants), np.append(secants, secants[-1]))
         return np.asarray(np.clip(slopes, 1e-3 * steepest, steepest))
 
+    @cached_property
+    def _found(self) -> dict[float, Local]:
+        """Results of `_local` by approach."""
+        return {}
+
     def _local(self, z: float) -> Local:
         """Results at z by the points within the distance in ln z that leaves kappa the least bar."""
+        if z in self._found:
+            return self._found[z]
         x, load = np.log(self.z / z), self.at(z)[0]
         known = np.full(x.size, np.nan) if self.k is None else self.k * self.z / self.F
         found: list[Local] = []
@@ -228,7 +235,8 @@ class CurveLaw(Law):
             if found and near.size + np.isfinite(known[near]).sum() < _FEW:
                 break
             found.append(LocalFit(self.z[near], self.F[near], known[near]).at(load))
-        return min(found, key=lambda local: float(local.bars[3]))
+        self._found[z] = min(found, key=lambda local: float(local.bars[3]))
+        return self._found[z]
 
     @cached_property
     def _curve(self) -> PPoly:

@@ -21,7 +21,8 @@ from asperity.errors import RangeError
 from asperity.model.limits import positive, within
 from asperity.runtime.display import short_repr
 
-EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
+#: Legal exponents of a power law: up to 1/2 the stiffness is not integrable where motion grazes, as u + 1 ~ t^2.
+EXPONENT = (0.51, 100.0)
 COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
@@ -49,7 +50,7 @@ class Law(ABC):
         ...         return 2.0 * np.maximum(z, 0.0)
         ...     def slope(self, z):
         ...         return 2.0 * (np.asarray(z) > 0)
-        >>> asp.ContactOscillator(Spring(), load=3.0).restoring.z_s
+        >>> asp.ContactOscillator(Spring(), load=3.0).z_s
         1.5
     """
 
@@ -135,6 +136,11 @@ class Law(ABC):
         first, second, third = self.derivatives(z)
         return z**2 / 48.0 * (3.0 * third / first - 5.0 * (second / first) ** 2)
 
+    def at_load(self, load: float) -> Array:
+        """Approach (length), stiffness (force/length), local exponent and kappa under a load (force), (4,)."""
+        z = self.deflection(load)
+        return np.array([z, self.derivatives(z)[0], self.n_loc(z), self.kappa(z)])
+
 
 def bar_of(law: Law, value: Callable[[Law], ArrayLike]) -> Array:
     """Bar of what is computed of a law: the same with its sides, the errors in quadrature; NaN where nothing bounds it.
@@ -161,7 +167,7 @@ class PowerLaw(Law):
     """``F = K z^n`` for z > 0, zero otherwise.
 
     Attributes:
-        n: exponent, 0.25 to 100
+        n: exponent, 0.51 to 100
         K: coefficient (force/length^n), 1e-100 to 1e100
         known_to: largest approach of the fitted points (length); notes report results beyond it
 

@@ -69,11 +69,10 @@ def integrate(
         ConvergenceError: the integrator fails
         RangeError: the motion escapes from a Taylor well
     """
-    restoring = equation.restoring
-    contact = restoring.contact
+    contact = equation.contact
 
     def field(t: float, y: Array) -> list[float]:
-        f = restoring.f(y[:1])
+        f = equation.f(y[:1])
         return [y[1], force(t) - f[0] - 2.0 * equation.zeta * equation.rate(y[:1], f)[0] * y[1]]
 
     def turn(t: float, y: Array) -> float:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from asperity.arrays import Array
 from asperity.units import plus_minus, quantity
 from asperity.vibration.law import NOT_RESOLVED, Law, bar_of, bend
 
@@ -43,11 +39,10 @@ class Numbers:
     @classmethod
     def of(cls, law: Law, load: float, mass: float, zeta: float, **more: Any) -> Numbers:
         """Numbers of a mass on a law under a load (force)."""
-        z, k, n, kappa = at_load(law, load)
-        bars = bar_of(law, lambda side: at_load(side, load))
-        relative = float(bars[1]) / k
+        z, k, n, kappa = map(float, law.at_load(load))
+        _, of_k, of_n, of_kappa = map(float, bar_of(law, lambda side: side.at_load(load)))
         frequency = math.sqrt(k / mass) / (2.0 * math.pi)
-        return cls(k, mass, frequency, z, zeta, n, kappa, (relative, float(bars[2]), float(bars[3])), **more)
+        return cls(k, mass, frequency, z, zeta, n, kappa, (of_k / k, of_n, of_kappa), **more)
 
     @property
     def frequency_bar(self) -> float:
@@ -80,20 +75,14 @@ class Numbers:
 
     def to_dict(self) -> dict[str, Any]:
         """Section "numbers" of thresholds.json, None where unknown; `k_n_bar` is over k_n."""
-        names = ("k_n", "m", "f", "z_s", "zeta", "n", "kappa", "k_n_bar", "f_bar", "n_bar", "kappa_bar")
-        values = (
-            self.stiffness, self.mass, self.frequency, self.approach, self.damping, self.n, self.kappa, self.bars[0],
-            self.frequency_bar, *self.bars[1:],
-        )  # fmt: skip
-        last = {"k_n_with_block": self.with_block if self.block else math.nan, "greatest_load": self.greatest}
-        known = dict(zip(names, values, strict=True)) | last
-        return {n: v if math.isfinite(v) else None for n, v in known.items()} | {"softening": self.softening}
-
-
-def at_load(law: Law, load: float) -> Array:
-    """Approach (length), stiffness (force/length), local exponent and kappa of a law under a load (force)."""
-    z = law.deflection(load)
-    return np.array([z, law.derivatives(z)[0], law.n_loc(z), law.kappa(z)])
+        values = {
+            "k_n": self.stiffness, "m": self.mass, "f": self.frequency, "z_s": self.approach, "zeta": self.damping,
+            "n": self.n, "kappa": self.kappa, "k_n_bar": self.bars[0], "f_bar": self.frequency_bar,
+            "n_bar": self.bars[1], "kappa_bar": self.bars[2],
+            "k_n_with_block": self.with_block if self.block else math.nan, "greatest_load": self.greatest,
+        }  # fmt: skip
+        known = {name: value if math.isfinite(value) else None for name, value in values.items()}
+        return known | {"softening": self.softening}
 
 
 def resolved(name: str, value: float, bar: float) -> str:
@@ -103,39 +92,3 @@ def resolved(name: str, value: float, bar: float) -> str:
     if bar > abs(value) > 0.0:
         return NOT_RESOLVED if name == "kappa" else f"{name} unresolved"
     return f"{name} = {plus_minus(value, bar)}"
-
-
-def headline(
-    numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float
-) -> list[str]:
-    """The joint in one line with its two bars, the larger first, and with the block of the model in a second.
-
-    Args:
-        numbers: see `Numbers.to_dict`
-        patches: section of summary.json, what other patches change of the stiffness with the block; or None
-        units: "other" shows numbers without units
-        load: preload (force)
-    """
-    newton, metre, hertz = ("", "", "") if units == "other" else ("N", "N/m", "Hz")
-    k, f, block = numbers["k_n"], numbers.get("f"), numbers.get("k_n_with_block")
-    bars = [(float(numbers["k_n_bar"]), "numerical error")] if numbers.get("k_n_bar") else []
-    if patches:  # of the stiffness with the block in series, whose share of the compliance is the same for all patches
-        bars.append((patches["bar"] * (k / block if block else 1.0), "other patches of this roughness ±"))
-    bars.sort(reverse=True)
-    largest = bars[0][0] if bars else math.nan
-    digits = 2 if largest > 0.03 else 3 if largest > 0.003 else 4
-    after, greatest = "", numbers.get("greatest_load")
-    if greatest and greatest > load * (1 + 1e-6):
-        after = f" after a load of up to {quantity(greatest, newton, 3)}"
-    text = f"stiffness {quantity(k, metre, digits)}"
-    if f is not None:
-        text += f", frequency {quantity(f, hertz, digits + 1)}"
-    words = ", ".join(f"{words} {100 * bar:.2g} %" for bar, words in bars)
-    lines = [
-        f"Interface of the joint about {quantity(load, newton)}{after}: {text}"
-        + (f" (of the stiffness: {words})" if words else "")
-        + "."
-    ]
-    if block:
-        lines.append(f"With the block of the model in series the stiffness is {quantity(block, metre, digits)}.")
-    return lines

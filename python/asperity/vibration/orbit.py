@@ -18,7 +18,6 @@ from scipy.interpolate import PPoly
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError
 from asperity.vibration.equation import TURN, Equation
-from asperity.vibration.settings import Setting
 
 _M = 5  # Gauss points on an interval
 _NEWTON = 14  # iterations of Newton's method, with those after a change of the mesh
@@ -219,16 +218,15 @@ class Orbit:
 
 
 class Collocation:
-    """Orbits of an equation under a forcing.
+    """Orbits of an equation.
 
     Args:
-        equation: what moves
-        setting: its forcing
+        equation: with its forcing
         tol: allowed error of the slope du/ds on an interval, over its amplitude
     """
 
-    def __init__(self, equation: Equation, setting: Setting, tol: float) -> None:
-        self.equation, self.setting, self.tol = equation, setting, tol
+    def __init__(self, equation: Equation, tol: float) -> None:
+        self.equation, self.tol = equation, tol
 
     def correct(self, guess: Orbit, *, fixed: bool = False, limit: float = np.inf) -> Orbit:
         """Correct a guess by Newton's method in the plane through it across its tangent, on a mesh that is fitted.
@@ -267,7 +265,7 @@ class Collocation:
         """
         h, c, omega, zeta = at.h, at.c[..., 0], at.Omega, self.equation.zeta
         u, w, a, cosine = c @ _INSIDE[:, 0].T, c @ _INSIDE[:, 1].T / h, c[:, 2:] / h**2, np.cos(at.inside)
-        force, grows = self.setting.forcing(omega), self.setting.growth(omega)
+        force, grows = self.equation.forcing(omega), self.equation.growth(omega)
         with np.errstate(over="ignore", invalid="ignore"):  # far from an orbit a law may overflow
             f, f_u, g, g_u = self.equation.terms(u)
         K, D = f_u + 2.0 * zeta * omega * g_u * w, 2.0 * zeta * omega * g / h

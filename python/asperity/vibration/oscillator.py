@@ -4,53 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.errors import InputError, RangeError
-from asperity.model.dynamics import DAMPING, EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
+from asperity.model.dynamics import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
 from asperity.model.limits import one_of, positive, positives, within
 from asperity.runtime.display import short_repr
-from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.equation import Equation
 from asperity.vibration.free import (
     FreeVibration,
     Thresholds,
     contact_limit,
-    free_orbits,
+    free_vibration,
     largest_amplitude,
     thresholds,
 )  # fmt: skip
-from asperity.vibration.law import Law, TaylorLaw
+from asperity.vibration.law import TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
-from asperity.vibration.settings import Setting
 
 GRAVITY = 9.80665  # m/s^2
 
 
 @dataclass(frozen=True)
-class ContactOscillator:
+class ContactOscillator(Equation):
     """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
 
     The displacement is u = (z - z_s)/z_s > 0 in compression, and contact is lost at u = -1; time is in units of
     1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.vibration.equation`. Where the base moves, by b, z is the
-    approach, so u is relative to the base; the mass moves by u + b/z_s.
+    approach, so u is relative to the base; the mass moves by u + b/z_s. Its attributes are those of `Equation`.
 
     Attributes:
-        law: static law, force over approach
-        load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
-            another law
-        zeta: damping ratio of small motion, >= 0
-        damping: "always", "contact", "hunt-crossley", see `asperity.vibration.equation`
         gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
             unknown: mass and omega_s are then NaN.
-        restoring: normal form of the law (derived)
-
-    Raises:
-        InputError: a parameter is out of range
-        RangeError: the law does not reach the load
 
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
@@ -64,57 +52,39 @@ class ContactOscillator:
         0.1914
     """
 
-    law: Law
-    load: float | None = None
-    zeta: float = 0.01
-    damping: str = "always"
-    gravity: float | None = GRAVITY
-    restoring: Restoring = field(init=False, repr=False)
+    gravity: float | None = field(default=GRAVITY, kw_only=True)
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        if not isinstance(self.law, Law):
-            raise InputError(f"law must be a contact law (PowerLaw, CurveLaw, ...), got {type(self.law).__name__}")
-        positive("zeta", self.zeta, zero=True)
-        if self.zeta >= 1:
-            raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
-        one_of("damping", self.damping, DAMPING)
+        super().__post_init__()
         if self.gravity is not None:
             positive("gravity", self.gravity)
-        load = positive("load", self.law.default_load if self.load is None else self.load)
-        object.__setattr__(self, "load", load)
-        object.__setattr__(self, "restoring", Restoring(self.law, load))
-        if self.restoring.known_to < -1e-9:
+        if self.known_to < -1e-9:
             end = float(self.law.force(self.law.known_to))
             raise RangeError(
-                f"load = {load:g} lies outside the law, which ends at force {end:g}; lower the load, or compute the "
-                "curve further"
+                f"load = {self.load:g} lies outside the law, which ends at force {end:g}; lower the load, or compute "
+                "the curve further"
             )
-
-    @property
-    def model(self) -> str:
-        """ "exact" or "taylor"."""
-        return self.restoring.model
 
     @property
     def mass(self) -> float:
         """Mass W/g (mass); NaN without gravity."""
-        return self.restoring.load / (np.nan if self.gravity is None else self.gravity)
+        return self.load / (np.nan if self.gravity is None else self.gravity)
 
     @property
     def omega_s(self) -> float:
         """Natural frequency of small motion sqrt(n_loc g/z_s) (rad/time); NaN without gravity."""
-        return float(np.sqrt(self.restoring.scale / self.restoring.z_s / self.mass))
+        return float(np.sqrt(self.scale / self.z_s / self.mass))
 
     @property
     def u_max(self) -> float:
         """Largest release amplitude that keeps contact."""
-        return contact_limit(self.restoring)
+        return contact_limit(self)
 
     def taylor(self) -> ContactOscillator:
         """Same oscillator with its law truncated after the cubic term."""
-        return replace(self, law=TaylorLaw.about(self.law, self.restoring.load), load=self.restoring.load)
+        return replace(self, law=TaylorLaw.about(self.law, self.load), load=self.load)
 
     def free(self, u0: ArrayLike | None = None) -> FreeVibration:
         """Natural frequency over the release displacement u0 > 0, to 1e-12 for smooth laws.
@@ -122,13 +92,13 @@ class ContactOscillator:
         By default 120 of them up to 1.5 u_max. An orbit that passes the rim of the Taylor well is a `RangeError`.
         """
         if u0 is None:
-            top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
+            top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self))
             u0 = np.linspace(top / 120, top, 120)
-        return FreeVibration(self.model, free_orbits(self.restoring, u0, self.damping))
+        return free_vibration(self, u0)
 
     def thresholds(self) -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling as F^."""
-        return thresholds(self.equation)
+        return thresholds(self)
 
     def response(
         self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, excitation: str = "force", tol: float = 1e-5
@@ -149,9 +119,8 @@ class ContactOscillator:
         """
         within("zeta of forced motion", self.zeta, ZETA)
         one_of("excitation", excitation, EXCITATIONS)
-        n_loc, F_hat = self.restoring.n_loc, within("forcing", forcing, FORCING)
-        setting = Setting(self.model, self.law.describe(), n_loc, self.zeta, self.damping, F_hat, excitation)
-        return frequency_response(self.equation, setting, window(omega), positive("tol", tol))
+        equation = replace(self, F_hat=within("forcing", forcing, FORCING), excitation=excitation)
+        return frequency_response(equation, window(omega), positive("tol", tol))
 
     def simulate(
         self,
@@ -190,12 +159,7 @@ class ContactOscillator:
         duration = positive("periods", periods) * period
         force, corners = course(shape, f, ends, duration)
         return integrate(
-            self.equation, force, (float(u), float(v)), duration, rtol=positive("rtol", rtol),
+            self, force, (float(u), float(v)), duration, rtol=positive("rtol", rtol),
             samples=positive("samples", samples, zero=True) / period, max_step=min(0.25, np.pi / max(ends) / 8.0),
             corners=corners,
         )  # fmt: skip
-
-    @cached_property
-    def equation(self) -> Equation:
-        """Equation of motion."""
-        return Equation(self.restoring, self.zeta, self.damping)

@@ -16,16 +16,13 @@ from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
-from asperity.vibration.equation import Equation, Restoring
-from asperity.vibration.free import column
+from asperity.vibration.equation import Equation
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.orbit import Collocation, Orbit
-from asperity.vibration.settings import Setting
 
 _PER_TOL = 0.3  # tolerance of the collocation over that of the orbits
 _STRAIGHT = 1e-3  # relative error in the middle of u_max on a straight line between rows
 _BEYOND = 1e-4  # relative distance beyond a fold at which the motion after a jump is sought
-_LEAST_POWER = 0.5  # of a law at first contact: at a grazing with u + 1 ~ t^2 the stiffness is integrable above it
 _STEPS, _CLOSE = 12, 1e-5  # towards a special orbit on another law, the last one
 _CUTS = ("fold", "period doubling")  # events at which stability changes
 OTHERS = (
@@ -37,6 +34,11 @@ OTHERS = (
 def finite(value: float) -> float | None:
     """A number, None for NaN."""
     return float(value) if math.isfinite(value) else None
+
+
+def _column(name: str, words: str) -> property:
+    """Array of an attribute of the orbits of a piece."""
+    return property(lambda self: np.array([getattr(o, name) for o in self.orbits]), doc=f"{words}, shape (orbits,).")
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,9 @@ class Piece:
 
     __repr__ = short_repr
 
-    Omega = column("Omega", "Forcing frequencies over omega_s")
-    u_max = column("u_max", "Largest displacements")
-    u_min = column("u_min", "Smallest displacements; contact is lost where they are below -1")
+    Omega = _column("Omega", "Forcing frequencies over omega_s")
+    u_max = _column("u_max", "Largest displacements")
+    u_min = _column("u_min", "Smallest displacements; contact is lost where they are below -1")
 
 
 @dataclass(frozen=True)
@@ -76,35 +78,15 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Jump:
-    """Where a slow sweep leaves the branch at a fold.
-
-    Attributes:
-        Omega: frequency of the fold
-        direction: "up" or "down", of the sweep
-        u_max: largest displacement before
-        after: largest displacement after the jump, on the one other stable piece; None where there is none, or several
-        note: why it is None, else ""
-    """
-
-    Omega: float
-    direction: str
-    u_max: float
-    after: float | None
-    note: str
-
-
-@dataclass(frozen=True)
 class FrequencyResponse:
     """Main branch of a frequency response.
 
     Attributes:
-        setting: law, damping and forcing
         omega: lowest and highest Omega
         pieces, events: see `Piece`, `Event`
         tolerance: largest estimated error of an orbit
         notes: limits of the result (unphysical parts, ends of the branch, table limits), one sentence each
-        col: its equations
+        col: equation of motion and its orbits
 
     Examples:
         >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
@@ -114,7 +96,6 @@ class FrequencyResponse:
         [(0.21, True), (0.83, False), (0.87, True)]
     """
 
-    setting: Setting
     omega: tuple[float, float]
     pieces: tuple[Piece, ...]
     events: tuple[Event, ...]
@@ -123,6 +104,11 @@ class FrequencyResponse:
     col: Collocation = field(repr=False)
 
     __repr__ = short_repr
+
+    @property
+    def equation(self) -> Equation:
+        """Equation of motion with its forcing."""
+        return self.col.equation
 
     def __getitem__(self, kind: str) -> tuple[Event, ...]:
         """Events of one kind: "fold", "period doubling" or "grazing"."""
@@ -164,8 +150,12 @@ class FrequencyResponse:
         return tuple(sorted(found, key=lambda p: p.u_max))
 
     @cached_property
-    def jumps(self) -> tuple[Jump, ...]:
-        """Folds at which a stable piece ends, where a slow sweep jumps."""
+    def jumps(self) -> tuple[dict[str, Any], ...]:
+        """Folds at which a stable piece ends, where a slow sweep "up" or "down" jumps.
+
+        The mappings have the largest displacement before, `u_max`, and after the jump on the one other stable piece,
+        `u_max_after`. Where there is none, or several, that is None, and `note` says why.
+        """
         found = []
         stable = [piece for piece in self.pieces if piece.stable and piece.valid]
         ends = {piece.orbits[i]: piece.orbits[k] for piece in stable for i, k in ((0, 1), (-1, -2))}
@@ -177,7 +167,10 @@ class FrequencyResponse:
                 note = ("not on the branch", "", "several stable orbits")[min(len(after), 2)]
             except (ConvergenceError, InputError) as error:
                 note = "outside the window" if isinstance(error, InputError) else "not on the branch"
-            found.append(Jump(fold.Omega, "up" if up else "down", fold.u_max, None if note else after[0], note))
+            found.append({
+                "sweep": "up" if up else "down", "Omega": fold.Omega, "u_max": fold.u_max,
+                "u_max_after": None if note else after[0], "note": note,
+            })  # fmt: skip
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
@@ -185,8 +178,8 @@ class FrequencyResponse:
         bars = [dict(zip(("Omega_bar", "u_max_bar"), map(finite, bar), strict=True)) for bar in self.bars]
         of_folds = dict(zip(self["fold"], bars[1:], strict=True))
         return {
-            "F_hat": self.setting.F_hat,
-            "zeta": self.setting.zeta,
+            "F_hat": self.equation.F_hat,
+            "zeta": self.equation.zeta,
             "peak": {"Omega": self.peak[0], "u_max": self.peak[1]} | bars[0],
             "events": [
                 {"kind": e.kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min, "branch": e.piece}
@@ -200,17 +193,21 @@ class FrequencyResponse:
         }
 
     @cached_property
-    def _dense(self) -> list[tuple[Piece, Orbit]]:
-        """Orbits with their pieces, so dense that u_max and Omega lie on straight lines."""
-        col = self.col
-        return [(piece, p) for piece in self.pieces for p in chain(piece.orbits[:1], *(
-            _dense(col, a, b) for a, b in pairwise(piece.orbits)
-        ))]  # fmt: skip
+    def _table(self) -> list[dict[str, Any]]:
+        equation, found = self.equation, []
+        for piece in self.pieces:
+            for p in chain(piece.orbits[:1], *(_dense(self.col, a, b) for a, b in pairwise(piece.orbits))):
+                found.append({
+                    "model": equation.model, "F_hat": equation.F_hat, "zeta": equation.zeta,
+                    "Omega": p.Omega, "u_max": p.u_max, "u_min": p.u_min, "a1": p.a1, "stable": piece.stable,
+                    "branch": piece.number, "contact_loss": p.u_min < -1.0, "phase": p.phase,
+                    "transmissibility": equation.transmissibility(p.Omega, p.first),
+                })  # fmt: skip
+        return found
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each piece, so dense that straight lines are accurate to 2e-3."""
-        for piece, p in self._dense:
-            yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
+        return iter(self._table)
 
     @cached_property
     def bars(self) -> Array:
@@ -218,19 +215,18 @@ class FrequencyResponse:
 
         Shape (1 + folds, 2), NaN where nothing bounds the law, or where a side has no peak or fold nearby.
         """
-        return bar_of(self.col.equation.restoring.law, self.numbers)
+        return bar_of(self.equation.law, self.numbers)
 
     def numbers(self, law: Law) -> Array:
         """Frequency over omega_s and largest u of the peak and of each fold on another law, in units of this law.
 
         Shape (1 + folds, 2), under the same forces in newton on the same mass, or the same motion of the base.
         """
-        own, setting = self.col.equation.restoring, self.setting
-        other = Restoring(law, own.load)
+        own = self.equation
+        other = Equation(law, own.load, own.zeta, own.damping, excitation=own.excitation)
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
-        part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
-        changed = replace(setting, F_hat=part * setting.F_hat)
-        col = Collocation(replace(self.col.equation, restoring=other), changed, self.col.tol)
+        part = own.z_s / other.z_s if own.excitation == "base" else own.scale / other.scale
+        col = Collocation(replace(other, F_hat=part * own.F_hat), self.col.tol)
         tests = [(self.top, TESTS["largest u_max"]), *((e.orbit, TESTS["fold"]) for e in self["fold"])]
         slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
         return np.array([_moved(col, orbit, test) for orbit, test in tests]) * (slower, other.z_s / own.z_s)
@@ -249,11 +245,9 @@ def _moved(col: Collocation, orbit: Orbit, value: Callable[[Orbit], float]) -> t
     return np.nan, np.nan
 
 
-def frequency_response(
-    equation: Equation, setting: Setting, window: tuple[float, float], tol: float
-) -> FrequencyResponse:
+def frequency_response(equation: Equation, window: tuple[float, float], tol: float) -> FrequencyResponse:
     """Follow the main branch in a window; arguments and errors as in `ContactOscillator.response`."""
-    col, (low, high) = Collocation(equation, setting, _PER_TOL * tol), window
+    col, (low, high) = Collocation(equation, _PER_TOL * tol), window
     paths, notes = main_branch(col, window)
     pieces: list[Piece] = []
     events: list[Event] = []
@@ -265,22 +259,16 @@ def frequency_response(
         parts = (tuple(orbits[first : last + 1]) for first, last in pairwise(ends))
         for part in (part for part in parts if all(low <= p.Omega <= high for p in part)):
             middle = max(part, key=lambda p: abs(p.radius - 1.0)) if len(part) == 2 else part[len(part) // 2]
-            valid = equation.restoring.contact or all(p.u_min >= -1.0 for p in part)
+            valid = equation.contact or all(p.u_min >= -1.0 for p in part)
             pieces.append(Piece(len(pieces) + 1, part, middle.stable, valid))
         owners = [next((piece.number for piece in pieces if p in piece.orbits), None) for _, p in named]
         kinds = (*_CUTS, "grazing")
         events += [Event(*e, n) for e, n in zip(named, owners, strict=True) if n is not None and e[0] in kinds]
     if not pieces:
         raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g}: {'; '.join(notes)}")
-    power, lost = equation.restoring.first_power, any((piece.u_min < -1.0).any() for piece in pieces)
-    if lost and power <= _LEAST_POWER:
-        raise InputError(
-            f"the force of the law begins as the power {power:.3g} of the approach, and this response loses contact: "
-            f"up to the power {_LEAST_POWER} the motion does not depend smoothly on its start there; lower the forcing"
-        )
     error = max(p.error for piece in pieces for p in piece.orbits)
-    notes += _limitations(pieces, equation.restoring.known_to)
-    return FrequencyResponse(setting, window, tuple(pieces), tuple(events), error, tuple(notes), col)
+    notes += _limitations(pieces, equation.known_to)
+    return FrequencyResponse(window, tuple(pieces), tuple(events), error, tuple(notes), col)
 
 
 def _inside(col: Collocation, path: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from asperity.errors import ConvergenceError, InputError
 from asperity.model.dynamics import DynamicsSettings
-from asperity.model.limits import positive
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
@@ -34,28 +33,37 @@ class Dynamics:
     """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
 
     Attributes:
-        oscillators, free, thresholds: see there
-        responses: one per damping ratio and forcing
-        numbers: stiffness and frequency, mass, static approach and damping of small vibration, with bars
-        motions: short motions from rest, by the course of the force
-        notes: limits and assumptions of the results, one sentence each
-        gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
-        choice: which law of the curve it is; None for a given `Law`
         settings: what was computed
+        oscillators: see there
+        responses: one per damping ratio and forcing
+        motions: short motions from rest, by the course of the force
+        numbers: stiffness and frequency, mass, static approach and damping of small vibration, with bars
+        notes: limits and assumptions of the results, one sentence each
+        choice: which law of the curve it is; None for a given `Law`
+        free, thresholds: see there
     """
 
+    settings: DynamicsSettings
     oscillators: dict[str, ContactOscillator]
-    free: dict[str, FreeVibration]
     responses: dict[str, tuple[FrequencyResponse, ...]]
-    thresholds: dict[str, Thresholds]
+    motions: dict[str, Trajectory]
     numbers: Numbers
     notes: tuple[str, ...]
-    motions: dict[str, Trajectory] = field(default_factory=dict)
-    gravity: float | None = None
-    choice: Choice | None = None
-    settings: DynamicsSettings = field(default_factory=DynamicsSettings)
+    choice: Choice | None
+    free: dict[str, FreeVibration] = field(init=False)
+    thresholds: dict[str, Thresholds] = field(init=False)
 
     __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "free", {name: one.free() for name, one in self.oscillators.items()})
+        object.__setattr__(self, "thresholds", {name: one.thresholds() for name, one in self.oscillators.items()})
+
+    @property
+    def gravity(self) -> float | None:
+        """For mass and omega_s (length/time^2), None if unknown or if the joint has a mass."""
+        joint = self.settings.joint
+        return self.first.gravity if joint is None or joint.mass is None else None
 
     @property
     def first(self) -> ContactOscillator:
@@ -64,7 +72,7 @@ class Dynamics:
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
         """Write free.csv, response.csv and thresholds.json into `out_dir`; motion.csv if there is any."""
-        path, r, unit = Path(out_dir), self.first.restoring, self.numbers.frequency
+        path, r, unit = Path(out_dir), self.first, self.numbers.frequency
         path.mkdir(parents=True, exist_ok=True)
         free = [
             row | {"frequency": unit * row["omega_ratio"], "amplitude": r.z_s * row["u0"]}
@@ -74,7 +82,7 @@ class Dynamics:
             row | {"frequency": unit * row["Omega"], "force": force}
             | {"x_max": r.z_s * row["u_max"], "x_min": r.z_s * row["u_min"], "receptance": r.z_s * row["a1"] / force}
             for one in chain(*self.responses.values()) for row in one.rows()
-            for force in [r.scale * one.setting.forcing(row["Omega"])]
+            for force in [r.scale * one.equation.forcing(row["Omega"])]
         ]  # fmt: skip
         tables = {run_folder.FREE: free, run_folder.RESPONSE: response, run_folder.MOTION: self.moved()}
         for name, rows in tables.items():
@@ -87,7 +95,7 @@ class Dynamics:
 
     def moved(self) -> list[dict[str, Any]]:
         """Rows of motion.csv."""
-        r, second = self.first.restoring, 1.0 / self.first.omega_s
+        r, second = self.first, 1.0 / self.first.omega_s
         return [
             {"shape": shape, "tau": tau, "u": u, "v": v, "F_hat": f}
             | {"time": second * tau, "x": r.z_s * u, "force": r.scale * f}
@@ -97,20 +105,21 @@ class Dynamics:
 
     def jumps(self) -> list[dict[str, Any]]:
         """Where slow sweeps leave a stable branch: frequency (1/time), force, amplitudes before and after (length)."""
-        r, hertz = self.first.restoring, self.numbers.frequency
+        r, hertz = self.first, self.numbers.frequency
         return [
             {
-                "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
-                "force": r.scale * float(one.setting.forcing(jump.Omega)), "sweep": jump.direction,
-                "Omega": jump.Omega, "frequency": finite(hertz * jump.Omega), "x_max": r.z_s * jump.u_max,
-                "x_max_after": None if jump.after is None else r.z_s * jump.after, "note": jump.note,
+                "model": model, "zeta": one.equation.zeta, "F_hat": one.equation.F_hat,
+                "force": r.scale * float(one.equation.forcing(jump["Omega"])), "sweep": jump["sweep"],
+                "Omega": jump["Omega"], "frequency": finite(hertz * jump["Omega"]), "x_max": r.z_s * jump["u_max"],
+                "x_max_after": after and r.z_s * after, "note": jump["note"],
             }
             for model, responses in self.responses.items() for one in responses for jump in one.jumps
+            for after in [jump["u_max_after"]]
         ]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Content of thresholds.json."""
-        first, r, numbers, joint = self.first, self.first.restoring, self.numbers.to_dict(), self.settings.joint
+        first, r, numbers, joint = self.first, self.first, self.numbers.to_dict(), self.settings.joint
         laws, choice = None, self.choice
         if choice is not None:
             laws = {
@@ -127,7 +136,7 @@ class Dynamics:
             "laws": laws, "jumps": self.jumps(),
         } | {
             model: asdict(values) | {
-                "free_tolerance": self.free[model].tolerance, "free_valid": all(self.free[model].valid),
+                "free_tolerance": float(self.free[model].error.max()), "free_valid": bool(self.free[model].valid.all()),
                 "responses": [one.to_dict() for one in self.responses[model]],
             }
             for model, values in self.thresholds.items()
@@ -177,20 +186,14 @@ def run_dynamics(
     if settings is None:
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
-    exact, numbers, columns, choice, assumed = _small(source, settings)
-    kind = settings.excitation
-    forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
+    exact, numbers, choice, notes = _small(source, settings)
+    forcing, omega, pulse = settings.on(exact.scale, exact.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
-    notes = [assumed]
-    if settings.with_units and settings.units is None:
-        notes.append("amounts with units assume a curve in SI units: for other units give numbers without units")
-    if choice is not None:
-        notes += [choice.done, *columns.notes, choice.note, _first_yield(choice)]
     for name, oscillator in list(oscillators.items()):
         try:
             responses[name] = tuple(
-                replace(oscillator, zeta=zeta).response(f, omega, excitation=kind, tol=settings.tol)
+                replace(oscillator, zeta=zeta).response(f, omega, excitation=settings.excitation, tol=settings.tol)
                 for zeta in dict.fromkeys(settings.zeta)
                 for f in forcing
             )
@@ -200,25 +203,13 @@ def run_dynamics(
             notes.append(f"{name}: left out, its series lets the motion escape: {error}")
             del oscillators[name]
             continue
-        notes += [f"{name}, {r.setting.amplitude}: {note}" for r in responses[name] for note in r.notes]
-    first = next(iter(oscillators.values()))
-    motions = {}
+        notes += [f"{name}, {r.equation.amplitude}: {note}" for r in responses[name] for note in r.notes]
+    first, motions = next(iter(oscillators.values())), {}
     for shape in settings.simulate:
         window = omega if shape == "chirp" else (0.5 / (pulse or 0.5),)
         periods, samples = settings.span * window[0], math.ceil(_SAMPLES / window[0])
         motions[shape] = first.simulate(window, forcing[0], shape=shape, periods=periods, samples=samples)
-    result = Dynamics(
-        oscillators=oscillators,
-        free={name: oscillator.free() for name, oscillator in oscillators.items()},
-        responses=responses,
-        thresholds={name: oscillator.thresholds() for name, oscillator in oscillators.items()},
-        numbers=numbers,
-        notes=tuple(dict.fromkeys(note for note in notes if note)),
-        motions=motions,
-        gravity=exact.gravity if settings.joint is None or settings.joint.mass is None else None,
-        choice=choice,
-        settings=settings,
-    )
+    result = Dynamics(settings, oscillators, responses, motions, numbers, tuple(dict.fromkeys(notes)), choice)
     if out_dir is not None:
         result.write(out_dir)
     return result
@@ -227,38 +218,34 @@ def run_dynamics(
 def small_vibration(source: Any, settings: DynamicsSettings) -> tuple[Numbers, float]:
     """Numbers of the small vibration on a curve, and the preload (force); arguments and errors as in `run_dynamics`."""
     oscillator, numbers, *_ = _small(source, settings)
-    return numbers, oscillator.restoring.load
+    return numbers, oscillator.load
 
 
-def _small(source: Any, settings: DynamicsSettings) -> tuple[ContactOscillator, Numbers, Any, Choice | None, str]:
-    """Oscillator of a source, its numbers, the columns and the choice if it is a curve, and what is assumed or ""."""
-    joint, load, choice, columns, more = settings.joint, settings.load, None, None, {}
+def _small(source: Any, settings: DynamicsSettings) -> tuple[ContactOscillator, Numbers, Choice | None, list[str]]:
+    """Oscillator of a source, its numbers, the choice if it is a curve, and notes."""
+    joint, load, choice, notes, more = settings.joint, settings.load, None, [], {}
     if not isinstance(source, Law):
-        columns = CurveColumns.of(source, **settings.columns)
-        choice = choose(columns, settings.law, load)
-        law, load = choice.law, choice.load
+        choice = choose(CurveColumns.of(source, **settings.columns), settings.law, load)
+        law, load, notes = choice.law, choice.load, [choice.done, choice.note]
+        greatest = float(law.force(law.known_to)) if choice.name == "unload-reload" else load
+        if joint is not None:
+            more = {"block": settings.block / settings.factor}
+            more |= {"greatest": greatest} if choice.name == "unload-reload" else {}
+        if choice.yielded and choice.name in ("unload-reload", "elastic") and load >= greatest * (1 - 1e-9):
+            notes.append(
+                "the preload is the greatest force that the contact has met: motion yields in its first cycle; the law "
+                "is that of the cycles that follow"
+            )
     elif joint is not None and joint.nominal_area is not None:
         raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
     else:
         law, load = source, source.default_load if load is None else load
     gravity, assumed = _gravity(settings, load, "law" if choice is None else "curve")
+    if settings.with_units and settings.units is None:
+        notes.insert(0, "amounts with units assume a curve in SI units: for other units give numbers without units")
     oscillator = ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta[0], damping=settings.damping)
-    if joint is not None and choice is not None:
-        more = {"block": settings.block / settings.factor}
-        if choice.name == "unload-reload":
-            more["greatest"] = float(law.force(law.known_to))
-    return oscillator, Numbers.of(law, load, oscillator.mass, oscillator.zeta, **more), columns, choice, assumed
-
-
-def _first_yield(choice: Choice) -> str:
-    """Note where the preload is the greatest force that the contact has met, or ""."""
-    leg = float(choice.law.force(choice.law.known_to)) if choice.name == "unload-reload" else choice.load
-    if not choice.yielded or choice.name not in ("unload-reload", "elastic") or choice.load < leg * (1 - 1e-9):
-        return ""
-    return (
-        "the preload is the greatest force that the contact has met: motion yields in its first cycle; the law is that "
-        "of the cycles that follow"
-    )
+    numbers = Numbers.of(law, load, oscillator.mass, oscillator.zeta, **more)
+    return oscillator, numbers, choice, [note for note in (assumed, *notes) if note]
 
 
 def _gravity(settings: DynamicsSettings, load: float, source: str) -> tuple[float | None, str]:
@@ -271,7 +258,7 @@ def _gravity(settings: DynamicsSettings, load: float, source: str) -> tuple[floa
             )
         return load / joint.mass, ""
     if gravity is not None:
-        return positive("gravity", gravity), ""
+        return gravity, ""
     if joint is not None:
         return None, "m and f are left out: the joint has no joint.mass"
     if settings.units == "other":

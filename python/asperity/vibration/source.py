@@ -9,13 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array, Indices
+from asperity.arrays import Indices
 from asperity.curve import Curve
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
@@ -46,25 +45,26 @@ _SHORT = 2e-6  # the same where a load path by force ends
 
 @dataclass(frozen=True, eq=False)
 class CurveColumns:
-    """A curve as the interface of a joint has it: on another area, without the block of the model; columns (n,).
+    """A curve for a law, in the order of its steps.
 
     Attributes:
-        curve: in the order of its steps
-        factor: nominal area of the joint over that of the patch, by which forces and stiffnesses are multiplied
-        block: compliance of the block behind the patch (length/force), taken out of approach and stiffness
+        curve: of the interface of a joint: on its nominal area, without the block behind the patch
+        solid: greatest approach with the block (length)
         measured: whether the rows are those of an instrument: they scatter, and contact begins anywhere
         notes: how the rows were read, a sentence each
     """
 
     curve: Curve
-    factor: float = 1.0
-    block: float = 0.0
+    solid: float
     measured: bool = False
     notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, source: Any, factor: float = 1.0, block: float = 0.0) -> CurveColumns:
         """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv, with delta and force at least.
+
+        Forces and stiffnesses are multiplied by `factor`, the nominal area of a joint over that of the patch. The
+        compliance `block` (length/force) of the block behind the patch is taken out of approach and stiffness.
 
         Raises:
             InputError: there is no such file, or a column is missing, empty, or contains what is not a number
@@ -80,44 +80,25 @@ class CurveColumns:
         if measured and "branch" not in table:
             rows, branch, done = branches(curve.delta, curve.force)
             curve, notes = replace(curve.where(rows), branch=branch), notes + ((done,) if done else ())
-        return cls(curve, factor, block, measured, notes)
+        k, solid = curve.k_n_elastic, float(curve.delta.max())
+        share = 1.0 - block * np.where(k > 0.0, k, 0.0)  # of the interface in the compliance
+        part = factor / np.where(share > LEAST, share, np.nan)
+        curve = replace(
+            curve, delta=curve.delta - block * curve.force, force=factor * curve.force, k_n_elastic=part * k,
+            error_k_n_elastic=part / share * curve.error_k_n_elastic,
+        )  # fmt: skip
+        return cls(curve, solid, measured, notes)
 
-    @cached_property
-    def delta(self) -> Array:
-        """Approach (length)."""
-        return np.asarray(self.curve.delta - self.block * self.curve.force)
-
-    @cached_property
-    def force(self) -> Array:
-        """Normal force."""
-        return self.factor * self.curve.force
-
-    @cached_property
-    def _share(self) -> Array:
-        """Share of the interface in the elastic compliance."""
-        k = self.curve.k_n_elastic
-        return np.asarray(1.0 - self.block * np.where(k > 0.0, k, 0.0))
-
-    @cached_property
-    def elastic(self) -> Array:
-        """Stiffness of unloading and small vibration (force/length), NaN where unknown."""
-        known = np.where(self._share > LEAST, self._share, np.nan)
-        return np.asarray(self.factor * self.curve.k_n_elastic / known)
-
-    def bar_at(self, load: float, *, elastic: bool = False) -> float:
-        """Error bar of the force, or of the elastic stiffness, over it, of the row nearest in force; NaN if unknown."""
-        curve = self.curve
-        with np.errstate(all="ignore"):
-            bars = curve.error_P_star / curve.P_star
-            if elastic:
-                bars = curve.error_k_n_elastic / curve.k_n_elastic / np.maximum(self._share, LEAST)
-        known = np.flatnonzero(np.isfinite(bars) & (bars >= 0.0))
-        return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
+    def bar_at(self, load: float, name: str = "P_star") -> float:
+        """Error bar of a column over it, see `Curve.bar`, of the row nearest in force; NaN if unknown."""
+        bars = np.array([self.curve.bar(name, row) for row in range(len(self.curve))])
+        known = np.flatnonzero(np.isfinite(bars))
+        return float(bars[known[np.argmin(np.abs(self.curve.force[known] - load))]]) if known.size else np.nan
 
     def yielded(self, load: float) -> bool | None:
         """Whether the solid has yielded once the loading has reached a force, by its strain; None if it is unknown."""
         curve, rows = self.curve, self.loading
-        first = int(np.argmax(self.force[rows] >= load * (1 - _SAME))) if rows.size else 0
+        first = int(np.argmax(curve.force[rows] >= load * (1 - _SAME))) if rows.size else 0
         strain = np.where(np.isnan(curve.max_plastic_strain), curve.plastic_fraction, curve.max_plastic_strain)
         strain = strain[rows[: first + 1]]
         return bool(np.nanmax(strain) > 0.0) if np.isfinite(strain).any() else None
@@ -140,7 +121,7 @@ class CurveColumns:
             InputError: the curve has no unloading rows
             RangeError: no branch with enough rows in contact reaches the preload
         """
-        force, found = self.force, self.unloadings()
+        force, found = self.curve.force, self.unloadings()
         if not found:
             raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
         enough = [rows for rows in found if np.sum(force[rows] > TOUCH * force[rows].max()) >= MIN_POINTS] or found
@@ -149,7 +130,7 @@ class CurveColumns:
             top = max(float(force[rows].max()) for rows in enough)
             raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
         rows = next((rows for rows in reaching if force[rows].min() < load), reaching[0])
-        return rows[np.argsort(self.delta[rows], kind="stable")]
+        return rows[np.argsort(self.curve.delta[rows], kind="stable")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +144,7 @@ class Choice:
     yielded: bool | None  # None if the curve does not show it
     reason: str  # why it is this law, a part of a sentence
     note: str = ""  # sentence on a law to be doubted
-    done: str = ""  # what was done with measured rows
+    done: str = ""  # how the rows were read, and what was done with measured ones
 
 
 def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple[Law, float]:
@@ -207,7 +188,7 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None, 
     """
     one_of("law", law, LAWS)
     load, lowered = _met(columns, load, name)
-    forces = [columns.force[rows] for rows in columns.unloadings()]
+    forces = [columns.curve.force[rows] for rows in columns.unloadings()]
     through = [float(f.max()) for f in forces if f.min() <= load <= f.max() * (1 + _SAME)]
     yielded = columns.yielded(through[0] if through and law in ("auto", "unload-reload") else load)
     names, notes, chosen = (law,), [lowered], law
@@ -235,6 +216,7 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None, 
         )
     loading = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
     reason = REASONS.get(chosen, loading) if law == "auto" else "named"
+    done = "; ".join(filter(None, (done, *columns.notes)))
     return Choice(chosen, found, rows, load, yielded, reason, "; ".join(filter(None, notes)), done)
 
 
@@ -244,7 +226,7 @@ def _met(columns: CurveColumns, load: float | None, name: str) -> tuple[float, s
     Raises:
         RangeError: the curve does not reach it
     """
-    top = float(np.max(columns.force))
+    top = float(columns.curve.force.max())
     load = 0.5 * top if load is None else positive(name, load)
     if load <= top * (1 + _SAME):
         return min(load, top), ""
@@ -276,15 +258,16 @@ def _through(
     columns: CurveColumns, load: float, rows: Indices, name: str, *, slopes: bool = True, origin: float | None = None
 ) -> Made:
     """Law through rows in the order of approach, with bars; the approach of first contact is found if it is None."""
-    if columns.block:  # the law ends where the interface does not close any more
-        rows = rows[np.argsort(columns.force[rows], kind="stable")]
-        rows = rows[: int(np.argmax(columns.delta[rows])) + 1]
-        if columns.delta[rows[-1]] < LEAST * columns.curve.delta.max() or load > columns.force[rows[-1]] * (1 + _SAME):
+    curve = columns.curve
+    if columns.solid > curve.delta.max():  # without the block: the law ends where the interface does not close any more
+        rows = rows[np.argsort(curve.force[rows], kind="stable")]
+        rows = rows[: int(np.argmax(curve.delta[rows])) + 1]
+        if curve.delta[rows[-1]] < LEAST * columns.solid or load > curve.force[rows[-1]] * (1 + _SAME):
             raise InputError(
                 "the curve is as stiff as the block at the preload: its contact is complete, or nearly, and nothing is "
                 "left for the interface; take a smaller preload"
             )
-    delta, force, k = columns.delta[rows], columns.force[rows], columns.elastic[rows]
+    delta, force, k = curve.delta[rows], curve.force[rows], curve.k_n_elastic[rows]
     if columns.measured:
         law, done = law_of_rows(delta, force, load, name)
         return law, rows, done
@@ -302,27 +285,28 @@ def _through(
 
 def _with_bars(law: CurveLaw, columns: CurveColumns, load: float) -> CurveLaw:
     """Law with the error bars of its curve at a load, beside those that the points leave open."""
-    force, stiffness = (float(np.nan_to_num(columns.bar_at(load, elastic=elastic))) for elastic in (False, True))
+    force, stiffness = (float(np.nan_to_num(columns.bar_at(load, name))) for name in ("P_star", "k_n_elastic"))
     return law.about(load, force=force, stiffness=0.0 if law.k is None else stiffness)
 
 
 def _elastic(columns: CurveColumns, load: float) -> Made:
     """Law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
-    rows = columns.loading[(columns.force > 0)[columns.loading] & (columns.elastic > 0)[columns.loading]]
-    rows = rows[np.unique(columns.force[rows], return_index=True)[1]]
-    if rows.size < 2 or load > columns.force[rows[-1]] * (1 + _SAME):
+    force, k = columns.curve.force, columns.curve.k_n_elastic
+    rows = columns.loading[((force > 0) & (k > 0))[columns.loading]]
+    rows = rows[np.unique(force[rows], return_index=True)[1]]
+    if rows.size < 2 or load > force[rows[-1]] * (1 + _SAME):
         raise InputError(
             f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the loading, at least 2 are "
             "needed, up to the preload: compute it with output.stiffness = true"
         )
-    law = CurveLaw.of_stiffness(columns.force[rows], columns.elastic[rows], name="elastic tangent of the loading")
+    law = CurveLaw.of_stiffness(force[rows], k[rows], name="elastic tangent of the loading")
     return _with_bars(law, columns, load), rows, ""
 
 
 def _paper(columns: CurveColumns, load: float) -> Made:
     """Power law of the loading, known to its greatest force."""
     loading = columns.loading
-    delta, force = columns.delta[loading], columns.force[loading]
+    delta, force = columns.curve.delta[loading], columns.curve.force[loading]
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
