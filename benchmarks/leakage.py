@@ -22,9 +22,6 @@ from itertools import product
 import numpy as np
 from area import PRESSURE, patch
 from mpi4py import MPI
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 import asperity as asp
 from asperity.adaptive.refine import refine
@@ -35,38 +32,10 @@ from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.reference import RoughHalfSpace
 from asperity.reference.halfspace import compliance_of_waves, displacement
+from asperity.reference.leakage import transmissivity
 
 CELLS = 144, 288
 FRACTIONS = 0.05, 0.15, 0.3
-
-
-def of_cells(gap: Floats, periodic: bool) -> float:
-    """Transmissivity along x of the gaps of square cells (n, n), index [iy, ix]: finite volumes, harmonic means."""
-    n, k = len(gap), gap**3
-    numbers = np.arange(n * n).reshape(n, n)
-
-    def between(a: Floats, b: Floats) -> Floats:
-        return np.divide(2.0 * a * b, a + b, out=np.zeros_like(a), where=(a > 0.0) & (b > 0.0))
-
-    links = [(numbers[:, :-1], numbers[:, 1:], between(k[:, :-1], k[:, 1:]))]
-    links.append((numbers[:-1], numbers[1:], between(k[:-1], k[1:])))
-    if periodic:
-        links.append((numbers[-1], numbers[0], between(k[-1], k[0])))
-    links += [(numbers[:, end], np.full(n, n * n - end), 2.0 * k[:, end]) for end in (0, -1)]
-    a, b, c = (np.concatenate([np.ravel(link[i]) for link in links]) for i in range(3))
-    a, b, c = a[c > 0.0], b[c > 0.0], c[c > 0.0]
-    graph = sparse.coo_array((c, (a, b)), shape=(n * n + 2, n * n + 2)).tocsr()
-    graph = graph + graph.T
-    _, part = connected_components(graph, directed=False)
-    if part[n * n] != part[n * n + 1]:
-        return 0.0
-    inner = np.flatnonzero(part[: n * n] == part[n * n])
-    matrix = sparse.csc_array(sparse.diags_array(graph.sum(axis=1)) - graph)
-    p = np.zeros(n * n + 2)
-    p[n * n] = 1.0
-    right = -np.asarray(matrix[inner][:, [n * n]].todense()).ravel()
-    p[inner] = splu(matrix[inner][:, inner], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)
-    return float((matrix @ p)[n * n])
 
 
 def truth_of(problem: Problem, at: Floats, n: int) -> tuple[Floats, Floats]:
@@ -79,7 +48,7 @@ def truth_of(problem: Problem, at: Floats, n: int) -> tuple[Floats, Floats]:
         gap = displacement(p, compliance, sides) - (heights - (summit - approach))
         gap = np.where(p > 0.0, 0.0, np.maximum(gap, 0.0))
         force.append(p.mean())
-        flow.append([of_cells(gap, sides == "periodic"), of_cells(gap.T, sides == "periodic")])
+        flow.append([transmissivity(of, sides == "periodic") for of in (gap, gap.T)])
     return np.array(force), np.transpose(flow)
 
 

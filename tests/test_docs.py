@@ -234,6 +234,17 @@ def test_the_steps_inside_the_bars_are_those_of_the_tables(names: tuple[str, ...
         assert f"The greatest ratio is {price.max():.1f}." in page
 
 
+def test_the_steps_of_other_kinds_and_seeds_are_those_of_the_tables() -> None:
+    page = " ".join((ROOT / "docs/accuracy.md").read_text(encoding="utf-8").split())
+    for name, column, row in (
+        ("bars_kinds", "inside", "| elastic, 12 other kinds, to [5 and 2 %](tables/bars_kinds.csv) |"),
+        ("area_inside", "area inside", "to 5 and 2 %, at the same force | steps inside the bar | |---|---| | area |"),
+        ("area_inside", "gap inside", "| gap |"),
+    ):
+        inside, steps = (sum(int(line[column].split("/")[k]) for line in table(name)) for k in (0, 1))
+        assert f"{row} {inside} of {steps} |" in page
+
+
 def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
     return np.array([[float(x) for x in row[column].split(",")] for row in rows])
 

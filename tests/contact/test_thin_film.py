@@ -10,6 +10,8 @@ import asperity as asp
 from asperity.arrays import Floats
 from asperity.contact.thin_film import ThinFilm, transmissivity
 from asperity.model.settings import MeshSize
+from asperity.output.fields import gather_top_states
+from asperity.output.raster import Raster
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.surface import Flat, HeightMap, Surface
@@ -91,3 +93,14 @@ def test_bars_hold_what_a_finer_mesh_finds() -> None:
         value, bar = getattr(run.curve, name), getattr(run.curve, f"error_{name}")
         truth = np.exp(np.interp(*map(np.log, (run.curve.P_star, exact.P_star, getattr(exact, name)))))
         assert np.all(np.abs(value - truth) <= bar) and np.all(bar < 0.5 * value)
+
+
+def test_grid_keeps_area_and_flow() -> None:
+    """Finite volumes on the gap of a regular grid: contact area and transmissivity of the curve."""
+    wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01, dims=2)
+    problem = asp.Problem.of(wave, ELASTIC, delta_max=0.01, steps=2, size=MeshSize(0.08, h_max=0.1))
+    result = solve_problem(problem, hooks=Callbacks(flow=True, snapshots=1), comm=here())
+    gap = Raster(gather_top_states(result, 1.0, 1.0), n=300).gap(0)
+    last = result.curve.loading()
+    assert np.mean(gap == 0.0) == pytest.approx(last.area_fraction[-1], rel=0.01)
+    assert asp.reference.transmissivity(gap) == pytest.approx(last.transmissivity_x[-1], rel=0.02)

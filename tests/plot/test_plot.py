@@ -19,6 +19,7 @@ import asperity as asp
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.fields import gather_top_states
+from asperity.output.raster import Raster
 from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
@@ -34,7 +35,7 @@ from asperity.plot import (
     stiffness,
     surface_map,
 )
-from asperity.plot.contact import Raster, pressed_thirds
+from asperity.plot.contact import pressed_thirds
 from asperity.plot.curves import local_exponent
 from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS

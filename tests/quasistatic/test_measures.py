@@ -15,6 +15,7 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
+from asperity.output.raster import Raster
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.measures import equivalent_strain, mean_stress, row
 from asperity.surface import Sinusoid, Surface
@@ -42,10 +43,8 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
     """Patches of a fine map and their area; the angles in which two meet are too narrow for its squares."""
     from scipy import ndimage
 
-    from asperity.plot import contact
     from asperity.surface import SelfAffine
 
-    monkeypatch.setattr(contact, "PIXELS", 1200)
     rough = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.4, lambda_short=0.15, seed=3)
     result = solve_contact(
         rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.04),
@@ -53,7 +52,7 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
     )  # fmt: skip
     curve, fields = result.curve, gather_top_states(result, 1.0, 1.0)
     assert fields is not None
-    on_grid, shown = contact.Raster(fields), []
+    on_grid, shown = Raster(fields, n=1200), []
     for i in range(3):
         drawn = on_grid.touching(i)
         shown.append(ndimage.label(ndimage.binary_dilation(drawn, iterations=3))[1])

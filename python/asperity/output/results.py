@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
+from asperity.output.raster import Raster
 from asperity.runtime import run_folder
 from asperity.runtime.display import optional, short_repr
 from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_csv, read_npz, read_text
@@ -131,6 +132,25 @@ class Results:
     def branches(self, *names: str) -> list[Curve]:
         """Parts of the curve with one of these branches each, in order; each starts at the end of the previous one."""
         return [leg for leg in self.curve.legs() if leg.branch[-1] in names]
+
+    def gap_grid(self, n: int = 512, snapshot: int = -1) -> Array:
+        """Gap at the centres of n x n cells of the patch (n, n), index [iy, ix] [length]; 0 in contact.
+
+        A solver of Reynolds' equation in another program takes it as it is: the cells in contact are those of the
+        contact area of the curve.
+
+        Args:
+            snapshot: number of the step among those that are kept, negative from the last
+
+        Raises:
+            InputError: the run kept no fields, or not so many
+        """
+        if not -self.snapshots <= snapshot < self.snapshots:
+            raise InputError(
+                f"there is no step {snapshot} among the {self.snapshots} of {self.folder}: fields need "
+                "output.fields = true"
+            )
+        return Raster(self.top, n=n).gap(snapshot)
 
     def to_xarray(self) -> Any:
         """Fields on the top of the solid, over load step and node; needs the package xarray.

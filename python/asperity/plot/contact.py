@@ -10,18 +10,15 @@ import numpy as np
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.mesh.element import shares
+from asperity.output.raster import PIXELS, Raster, facets
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
 from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
-PIXELS = 400  # of a map, along each side
 RELIEF = 0.1  # range of the heights that shade a map, over its side
 
 
@@ -104,47 +101,6 @@ def _relief(axes: Iterable[Any], results: Results, on_grid: Raster) -> None:
     light = LightSource().hillshade(z * RELIEF * len(z) / (float(np.ptp(z)) or 1.0))
     for axis in axes:
         _map(axis, results, on_grid, light, cmap="gray", vmin=-2.0, vmax=1.0)
-
-
-class Raster:
-    """Values at the nodes of the top, linear in its triangles, at the middles of PIXELS x PIXELS equal squares.
-
-    Attributes:
-        top: arrays of top.npz
-        box: lower and upper corner of what the squares cover, by default the patch (2, 2) [length]
-        edge_nodes: node on the edge of a facet whose third each square lies in (PIXELS, PIXELS)
-    """
-
-    def __init__(self, top: Any, box: Array | None = None) -> None:
-        points = top["points"]
-        self.top, self.box = top, np.array([points.min(axis=0), points.max(axis=0)]) if box is None else box
-        mesh = Triangulation(points[:, 0], points[:, 1], top["triangles"])
-        middles = (np.arange(PIXELS) + 0.5) / PIXELS
-        at = np.meshgrid(*(low + middles * (high - low) for low, high in self.box.T))
-        found: Any = mesh.get_trifinder()(*at)
-        self._nodes = top["triangles"][found]
-        self._shares = shares(np.stack(at, axis=-1), *np.moveaxis(top["points"][self._nodes], 2, 0))
-        # of four triangles of a facet three begin at a corner, see `element.FACE_TRIANGLES`
-        at_corner = (np.arange(3) == 0) & (found < 3 * len(top["triangles"]) // 4)[..., None]
-        nearest = np.where(at_corner, -np.inf, self._shares).argmax(axis=-1)[..., None]
-        self.edge_nodes = np.take_along_axis(self._nodes, nearest, axis=-1)[..., 0]
-
-    def __call__(self, values: Array) -> Array:
-        return np.asarray((values[self._nodes] * self._shares).sum(axis=-1))
-
-    def touching(self, i: int) -> NDArray[np.bool_]:
-        """Where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
-        return np.asarray(self.top["touched"][i][self.edge_nodes], dtype=bool)
-
-    def pressure(self, i: int) -> Array:
-        """Pressure of a snapshot, NaN out of contact."""
-        return np.where(self.touching(i), self(self.top["pressure"][i]), np.nan)
-
-
-def facets(top: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Corners (3, facets) of the facets of a top, and the nodes on the edges that begin at them."""
-    thirds = top["triangles"][: 3 * len(top["triangles"]) // 4].reshape(3, -1, 3)  # see `element.FACE_TRIANGLES`
-    return thirds[..., 0], thirds[..., 1]
 
 
 def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:

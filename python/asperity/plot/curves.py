@@ -173,6 +173,37 @@ def stiffness(results: Results) -> Figure:
 
 
 @style.styled
+def leakage(results: Results) -> Figure:
+    """Draw the transmissivities of the first loading over the load, and the hydraulic aperture with the mean gap."""
+    figure, axes = style.figure(style.DOUBLE, 3.5, "transmissivity", "apertures")
+    loading, unit = results.curve.loading(), results.unit("length")
+    for axis, names, scale, text in (
+        (axes[0], {"transmissivity_x": "along $x$", "transmissivity_y": "along $y$"}, 1.0, "transmissivity $T$"),
+        (axes[1], {"mean_gap": "mean gap", "hydraulic_aperture": "hydraulic aperture"}, *_of_gap(loading, unit)),
+    ):
+        for (name, label), colour in zip(names.items(), (style.BLUE, style.VERMILION), strict=True):
+            value, error = (scale * getattr(loading, f"{of}{name}") for of in ("", "error_"))
+            known = value > 0.0
+            axis.plot(loading.P_star[known], value[known], "o-", color=colour, mfc="white", label=label)
+            if np.any(band := np.nan_to_num(error)[known]):
+                low = np.maximum(value[known] - band, 1e-3 * value[known])
+                axis.fill_between(loading.P_star[known], low, value[known] + band, color=colour, alpha=0.2, lw=0)
+            if name.startswith("trans") and not known.all() and known.any():
+                axis.axvline(loading.P_star[np.flatnonzero(known)[-1]], color=colour, lw=0.7, ls=":")
+        axis.set(xlabel=LOAD, ylabel=text)
+        style.logarithmic(axis)
+        axis.legend(loc="best")
+    axes[0].set_ylabel(style.label("transmissivity $T$", f"{unit}³" if unit else ""))
+    return figure
+
+
+def _of_gap(loading: Curve, unit: str) -> tuple[float, str]:
+    """Factor and label of an axis of gaps."""
+    scale, unit = prefix(float(np.nanmax(loading.mean_gap)), unit)
+    return scale, style.label("aperture", unit)
+
+
+@style.styled
 def conductance(results: Results) -> Figure:
     """Draw the conductance per nominal area over the pressure."""
     figure, (axis,) = style.figure(style.SINGLE, 3.4, "")

@@ -12,10 +12,10 @@ from typing import Any
 
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
+from asperity.output.raster import Raster
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
-from asperity.plot.contact import Raster
 from asperity.plot.style import DPI
 from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.files import replace_file

@@ -12,8 +12,8 @@ from matplotlib.colors import to_hex
 from PIL import Image
 
 from asperity.arrays import Array
+from asperity.output.raster import PIXELS, Raster
 from asperity.output.results import Results
-from asperity.plot.contact import PIXELS, Raster
 from asperity.units import quantity
 
 NODES = 134  # of the shape along each side, every third pixel of the map: 48 kB

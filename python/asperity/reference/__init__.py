@@ -20,6 +20,7 @@ from asperity.reference.elastic import (
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
 from asperity.reference.inertia import LONG_WAVES, radiation_loss
+from asperity.reference.leakage import transmissivity
 
 __all__ = [
     "LONG_WAVES",
@@ -36,4 +37,5 @@ __all__ = [
     "reduced_modulus",
     "stickiness",
     "tabor_parameter",
+    "transmissivity",
 ]
