@@ -53,7 +53,7 @@ def islands(share: float) -> np.ndarray:
 def test_a_case_is_made_with_statistics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out") == 0
     shown = capsys.readouterr().out
-    assert "Sq" in shown and "Hurst exponent" in shown
+    assert "rms slope" in shown and "Hurst exponent" in shown
     about = json.loads((tmp_path / "out/measured.json").read_text())
     assert about["self_affine"]["H"] == pytest.approx(0.8, abs=0.12)
     assert about["self_affine"]["lambda_roll"] == pytest.approx(0.1e-6, rel=0.4)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from asperity.errors import InputError
 from asperity.surface import (
+    Cone,
     Flat,
     HeightMap,
     SelfAffine,
@@ -21,6 +22,7 @@ from asperity.surface import (
     Surface,
     SurfaceWarning,
     WeierstrassMandelbrot,
+    composite,
     cut_off_index,
 )
 
@@ -54,6 +56,8 @@ SURFACES = {
     "paraboloid": Sphere(L=1.0, radius=2.0, centre=(0.0, 0.0), shape="paraboloid"),
     "sinusoid": Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, centre=(0.1, 0.7)),
     "double sinusoid": Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, dims=2, centre=(0.1, 0.7)),
+    "cone": Cone(L=1.0, half_angle=60.0, radius=0.2, centre=(0.4, 0.7)),
+    "composite": composite(Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, dims=2), Sphere(L=1.0, radius=0.7)),
     "flat": Flat(L=1.0),
 }
 
