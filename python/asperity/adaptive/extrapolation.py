@@ -19,6 +19,7 @@ from asperity.adaptive.guide import Omission
 from asperity.adaptive.limits import limit_of_area, limit_of_meshes, steady
 from asperity.adaptive.mesh_plan import FLOW_ORDERS, GAP_ORDERS, orders_of, shares
 from asperity.arrays import Array, Flags, Floats
+from asperity.contact.thin_film import ThinFilm
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.curve import EDGE
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
@@ -31,7 +32,6 @@ SCATTER, FLOWING = 0.12, 0.5
 STEEPEST = 2.0  # power of the force that the approach is moved by: a force that stands still gives none
 MOST = 20.0  # bar of the logarithm of a flow beyond which nothing is known
 TINY = 1e-300  # P* below which there is no logarithm
-FLOWS = ("transmissivity_x", "transmissivity_y", "hydraulic_aperture")
 MEASURES = ("area_fraction", *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
 
 
@@ -170,14 +170,14 @@ def correct(
     for name in MEASURES:
         coarser, finer = pair.at_force(name, P[loading])
         if np.isnan(coarser).any() or not np.nanmax(finer, initial=0.0) > 0.0:
-            if name in FLOWS and not any(np.any(getattr(one.curve, name) != 0.0) for one in (coarse, fine)):
+            if name in ThinFilm.columns and not any(np.any(getattr(one.curve, name) != 0.0) for one in (coarse, fine)):
                 curve = replace(curve, **{f"error_{name}": np.zeros(len(curve))})  # closed from the first touch on
             continue
         if name == "area_fraction":
             curve = with_area(curve, pair, (coarser, finer))
         elif name == "mean_gap":
             curve = with_gap(curve, pair, (coarser, finer), compliance * budget.roughness)
-        elif name in FLOWS:
+        elif name in ThinFilm.columns:
             curve = with_flow(curve, pair, name, (coarser, finer))
         else:
             factor, bar = pair.limit(coarser, finer)
