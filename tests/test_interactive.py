@@ -163,7 +163,7 @@ def test_commands_print_json(tmp_path: Path, call: Callable[..., Any]) -> None:
     assert thresholds["exact"]["kappa"] == pytest.approx(-1 / 24)
     np.save(tmp_path / "map.npy", 1e-8 * np.random.default_rng(0).standard_normal((65, 65)))
     about = call("import-map", tmp_path / "map.npy", "--pixel", "1e-8", "-o", tmp_path / "map", "--json")
-    assert about == json.loads((tmp_path / "map/measured.json").read_text()) and about["iso25178"]["Sq"] > 0
+    assert about == json.loads((tmp_path / "map/measured.json").read_text()) and about["statistics"]["Sq"] > 0
     assert (tmp_path / "map/surface.png").is_file() and (tmp_path / "map/spectrum.png").is_file()
 
 

@@ -17,7 +17,7 @@ def test_gap_and_stiffness_are_inside_their_bars() -> None:
     surface = SelfAffine(L=1.0, H=0.8, slope=0.03, lambda_roll=0.5, lambda_short=0.25, seed=5)
     depth = 0.004
     found = asp.solve_contact(
-        surface, ELASTIC, tolerance=asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True
+        surface, ELASTIC, tolerance=asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True, flow=True
     )
     curve = found.curve.loading()
     layer = reference.RoughHalfSpace(256, 1.0, ELASTIC.nu)
