@@ -263,13 +263,21 @@ def _check_reached(case: Case, key: str, force: float | None) -> None:
     least, most = LEAST_FORCE * full, case.greatest_force or full
     if force is not None and not least <= force <= most * _ROUND:
         section, name = key.split(".")
-        value = getattr(getattr(case, section), name)
+        value, area = getattr(getattr(case, section), name), case.joint and case.joint.nominal_area
         means = "" if value == force else f" makes a force of {force:.6g} on the patch, which"
-        of_patch = section == "joint" and case.joint is not None and case.joint.nominal_area is None
+        if means and area is not None:
+            means = f" on joint.nominal_area = {area:g}{means}"
+        driver = case.loading.driver
+        by = f"by loading.{driver} = {getattr(case.loading, driver):g}"
+        if case.greatest_force is None or force < least:
+            by = f"by surface.L = {case.surface.L:g}, material.E = {case.material.E:g} and nu = {case.material.nu:g}"
         raise InputError(
             f"{key} = {value:g}{means} must lie between {least:.3g} and {most:.6g}, the greatest force the run may "
-            "reach; leave it out for half of what it does reach"
-            + (", or give joint.nominal_area where it is not the force on the patch" if of_patch else "")
+            f"reach ({by}); leave it out for half of what it does reach"
+            + (
+                ", or give joint.nominal_area where it is not the force on the patch"
+                * (section == "joint" and not area)
+            )
         )
 
 
