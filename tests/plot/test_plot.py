@@ -53,7 +53,17 @@ def results(folder: Path) -> Results:
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
-    other = {"conductance", "frequency", "indentation", "motion", "response", "receptance", "slip", "stiffness"}
+    other = {
+        "conductance",
+        "frequency",
+        "indentation",
+        "leakage",
+        "motion",
+        "response",
+        "receptance",
+        "slip",
+        "stiffness",
+    }
     assert {path.stem for path in written} >= set(CAPTIONS) - other
     starts = {".png": b"\x89PNG", ".svg": b"<?xml"}
     assert all(path.read_bytes().startswith(starts[path.suffix]) for path in written)

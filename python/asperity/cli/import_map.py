@@ -102,7 +102,8 @@ def import_map(
         origin = {"file": map_file, "channel": read.channel or None, "level": level, "cutoff": cutoff,
                   "filled": read.missing if window is None else read.missing_in(*window)}  # fmt: skip
         about = origin | {"notes": notes, "side": surface.L, "nodes": len(patch.z),
-                          "statistics": asdict(found), "iso25178": iso, "self_affine": affine and asdict(affine)}  # fmt: skip
+                          "statistics": asdict(found), "iso25178": iso,
+                          "self_affine": affine and asdict(affine)}  # fmt: skip
         with files_into(folder) as aside:  # whole, or not at all
             patch.save(aside / "patch.npz", about=origin)
             progress.stage("figures")
