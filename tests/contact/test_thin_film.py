@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.conftest import ELASTIC, here
+from conftest import ELASTIC, here
 
 import asperity as asp
 from asperity.arrays import Floats
