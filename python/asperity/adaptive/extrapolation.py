@@ -171,7 +171,8 @@ def correct(
         coarser, finer = pair.at_force(name, P[loading])
         if np.isnan(coarser).any() or not np.nanmax(finer, initial=0.0) > 0.0:
             if name in ThinFilm.columns and not any(np.any(getattr(one.curve, name) != 0.0) for one in (coarse, fine)):
-                curve = replace(curve, **{f"error_{name}": np.zeros(len(curve))})  # closed from the first touch on
+                closed: dict[str, Any] = {f"error_{name}": np.zeros(len(curve))}  # from the first touch on
+                curve = replace(curve, **closed)
             continue
         if name == "area_fraction":
             curve = with_area(curve, pair, (coarser, finer))

@@ -98,11 +98,11 @@ def import_map(
         progress.stage("statistics")
         spectrum, affine = _self_affine(read, bare)  # without the filter, which bends the spectrum near its cut-off
         surface, iso = HeightMap.of(patch.z, patch.size[0]), patch.iso25178()
-        found = surface.statistics()
+        statistics = surface.statistics()
         origin = {"file": map_file, "channel": read.channel or None, "level": level, "cutoff": cutoff,
                   "filled": read.missing if window is None else read.missing_in(*window)}  # fmt: skip
         about = origin | {"notes": notes, "side": surface.L, "nodes": len(patch.z),
-                          "statistics": asdict(found), "iso25178": iso,
+                          "statistics": asdict(statistics), "iso25178": iso,
                           "self_affine": affine and asdict(affine)}  # fmt: skip
         with files_into(folder) as aside:  # whole, or not at all
             patch.save(aside / "patch.npz", about=origin)
@@ -123,8 +123,8 @@ def import_map(
         return
     for sentence in notes:
         options.say(sentence)
-    rows = [("side", _metres(surface.L)), ("nodes", f"{len(patch.z)}"), ("Sq", _metres(found.Sq))]
-    rows.append(("rms slope", f"{found.rms_slope:.4g}"))
+    rows = [("side", _metres(surface.L)), ("nodes", f"{len(patch.z)}"), ("Sq", _metres(statistics.Sq))]
+    rows.append(("rms slope", f"{statistics.rms_slope:.4g}"))
     if origin["filled"]:
         rows.insert(2, ("gaps that were filled", f"{100 * origin['filled']:.2g} %"))
     if affine is not None:

@@ -134,13 +134,17 @@ class Results:
         return [leg for leg in self.curve.legs() if leg.branch[-1] in names]
 
     def gap_grid(self, n: int = 512, snapshot: int = -1) -> Array:
-        """Gap at the centres of n x n cells of the patch (n, n), index [iy, ix] [length]; 0 in contact.
+        """Gap at the centres of n x n cells of the patch, 0 in contact.
 
         A solver of Reynolds' equation in another program takes it as it is: the cells in contact are those of the
         contact area of the curve.
 
         Args:
+            n: cells along each side
             snapshot: number of the step among those that are kept, negative from the last
+
+        Returns:
+            gaps (n, n), index [iy, ix] [length]
 
         Raises:
             InputError: the run kept no fields, or not so many
