@@ -144,7 +144,7 @@ class Results:
             snapshot: number of the step among those that are kept, negative from the last
 
         Returns:
-            gaps (n, n), index [iy, ix] [length]
+            gaps [length], index [iy, ix] (n, n)
 
         Raises:
             InputError: the run kept no fields, or not so many
