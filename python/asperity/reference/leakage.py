@@ -49,6 +49,5 @@ def transmissivity(gap: Array, periodic: bool = False) -> float:
     matrix = sparse.csc_array(sparse.diags_array(graph.sum(axis=1)) - graph)
     p[inlet] = 1.0
     right = -(matrix[inner] @ p)
-    factors = splu(matrix[inner][:, inner], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-    p[inner] = factors.solve(right)
+    p[inner] = splu(matrix[inner][:, inner]).solve(right)
     return float((matrix @ p)[inlet])
