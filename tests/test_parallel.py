@@ -80,6 +80,13 @@ def test_curve_does_not_depend_on_the_ranks(
     assert not all_.checks.violated
 
 
+def test_leakage_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
+    one, all_ = (result.curve for result in solve_both(rough, coarse, ELASTIC, steps=2, flow=True))
+    for name in ("transmissivity_x", "transmissivity_y", "hydraulic_aperture"):
+        assert np.all(getattr(one, name) > 0.0)
+        np.testing.assert_allclose(getattr(all_, name), getattr(one, name), rtol=1e-7)
+
+
 @pytest.mark.parametrize("method", ["active-set", "nitsche"])
 def test_ranks_without_top_facets(method: str) -> None:
     """A tower: the partitioner cuts it across, so only one of two ranks has a top."""
