@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.arrays import Flags, Floats, Indices, Integers
-from asperity.contact.contact_surface import ContactSurface, facet_numbers
+from asperity.contact.contact_surface import IN_ORDER, ContactSurface, facet_numbers
 from asperity.mesh import element
 from asperity.mesh.block import NEAR
+from asperity.reference.leakage import INLET, OUTLET, network_flow
 from asperity.runtime.gathered import gather
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-INLET, OUTLET = -1, -2  # in place of the number of an edge on a side
 TRIANGLES, FINEST = 40_000, 8  # wanted on the top, and most along the edge of a facet
 RULE = 6  # degree of the quadrature, that of the cube of a second-order gap
 
@@ -108,7 +108,7 @@ class Division:
         points, weights = element.facet_quadrature(RULE)
         inside = np.column_stack([1.0 - points.sum(axis=1), points])
         at = np.einsum("qk,ski->sqi", inside, self._corners / self.n)
-        shape = element.face_functions(at.reshape(-1, 3))[:, (0, 1, 2, 4, 5, 3)]  # edges opposite to the corners
+        shape = element.face_functions(at.reshape(-1, 3))[:, np.argsort(IN_ORDER)]
         return shape.reshape(*at.shape[:2], 6), weights / weights.sum(), at.argmin(axis=2)
 
     @cached_property
@@ -155,17 +155,13 @@ class Division:
 
 
 def transmissivity(edges: Indices, conductance: Floats, closed: Flags) -> float:
-    """Flow through a network of the edges of triangles at a unit difference of the pressure.
+    """Flow through the network of the edges of triangles at a unit difference of the pressure.
 
     Args:
         edges: number of each edge of the triangles (F, 3), INLET and OUTLET for those at the sides
         conductance: between the two edges that meet at each corner, which is opposite to the third (F, 3)
         closed: edges that touch (F, 3)
     """
-    from scipy import sparse
-    from scipy.sparse.csgraph import connected_components
-    from scipy.sparse.linalg import splu
-
     first, second = np.roll(edges, -1, axis=1), np.roll(edges, -2, axis=1)
     shut = np.roll(closed, -1, axis=1) | np.roll(closed, -2, axis=1)
     # nothing flows through a closed edge: its pressure is eliminated, and two thirds of the triangle conduct
@@ -175,23 +171,7 @@ def transmissivity(edges: Indices, conductance: Floats, closed: Flags) -> float:
         where=closed & (conductance.any(axis=1, keepdims=True)),
     )  # fmt: skip
     conductance = np.where(closed, 2.0 / 3.0 * through, conductance)
-    linked = ~shut & (conductance != 0.0) & (first != second)
-    numbers, ends = np.unique(np.stack([first[linked], second[linked]]), return_inverse=True)
-    if list(numbers[:2]) != [OUTLET, INLET]:
-        return 0.0
-    outlet, inlet, n = 0, 1, len(numbers)
-    graph = sparse.coo_array((conductance[linked], tuple(ends.reshape(2, -1))), shape=(n, n)).tocsr()
-    graph = graph + graph.T
-    _, part = connected_components(graph, directed=False)
-    if part[inlet] != part[outlet]:
-        return 0.0
-    matrix = sparse.csc_array(sparse.diags_array(graph.sum(axis=1)) - graph)
-    inner, p = 2 + np.flatnonzero(part[2:] == part[inlet]), np.zeros(n)
-    p[inlet] = 1.0
-    if len(inner):
-        right = -(matrix[inner] @ p)
-        p[inner] = splu(matrix[inner][:, inner]).solve(right)  # its ordering MMD takes minutes
-    return float((matrix @ p)[inlet])
+    return network_flow(first.ravel(), second.ravel(), np.where(shut, 0.0, conductance).ravel())
 
 
 def _sides(at: Floats, axis: int) -> Integers:

@@ -79,6 +79,12 @@ def face_functions(coordinates: Array) -> Array:
     return np.column_stack([coordinates * (2.0 * coordinates - 1.0), edges])
 
 
+def at_inside(coordinates: Array, values: Array) -> Array:
+    """Values at barycentric coordinates of faces (Q, 3), from those at their nodes, in the order of FACES (Q, 6)."""
+    parts = (face_functions(coordinates) * values).T
+    return np.asarray(sum(parts[:3]) + sum(parts[3:]))
+
+
 def to_face(corners: Array) -> Array:
     """Values at the nodes of faces, in the order of FACES, of the linear functions with these corner values (F, 3)."""
     return np.column_stack([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.arrays import Floats, Indices
-from asperity.mesh.element import face_functions, shares
+from asperity.mesh.element import at_inside, shares
 from asperity.runtime.display import short_repr
 
 if TYPE_CHECKING:
@@ -52,6 +52,5 @@ def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False, tool
     z = top.points[:, 2] + surface.mean() / surface.L
     if tool is not None:
         z = z + tool.height(*(surface.L * xy.T)) / surface.L
-    parts = (face_functions(inside) * z[nodes]).T
-    heights = np.asarray(sum(parts[:3]) + sum(parts[3:]))
+    heights = at_inside(inside, z[nodes])
     return (np.minimum(heights, z[nodes].max(axis=1)) if nodal else heights).reshape(n, n)

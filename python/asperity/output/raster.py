@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.mesh.element import face_functions, shares
+from asperity.mesh.element import at_inside, shares
 
 PIXELS = 400  # of a map, along each side
 OPEN = 1e-12  # least gap out of contact over the side
@@ -26,21 +26,17 @@ class Raster:
     def __init__(self, top: Any, box: Array | None = None, n: int = PIXELS) -> None:
         from matplotlib.tri import Triangulation
 
-        points = top["points"]
+        points, triangles = top["points"], top["triangles"]
         self.top, self.box = top, np.array([points.min(axis=0), points.max(axis=0)]) if box is None else box
-        mesh = Triangulation(points[:, 0], points[:, 1], top["triangles"])
+        mesh = Triangulation(points[:, 0], points[:, 1], triangles)
         middles = (np.arange(n) + 0.5) / n
         at = np.meshgrid(*(low + middles * (high - low) for low, high in self.box.T))
         found: Any = mesh.get_trifinder()(*at)
-        self._at, self._facets, count = (
-            np.stack(at, axis=-1),
-            found % (len(top["triangles"]) // 4),
-            len(top["triangles"]),
-        )
-        self._nodes = top["triangles"][found]
+        self._at, self._facets = np.stack(at, axis=-1), found % (len(triangles) // 4)
+        self._nodes = triangles[found]
         self._shares = shares(self._at, *np.moveaxis(points[self._nodes], 2, 0))
         # of four triangles of a facet three begin at a corner, see `element.FACE_TRIANGLES`
-        at_corner = (np.arange(3) == 0) & (found < 3 * count // 4)[..., None]
+        at_corner = (np.arange(3) == 0) & (found < 3 * len(triangles) // 4)[..., None]
         nearest = np.where(at_corner, -np.inf, self._shares).argmax(axis=-1)[..., None]
         self.edge_nodes = np.take_along_axis(self._nodes, nearest, axis=-1)[..., 0]
 
@@ -60,9 +56,8 @@ class Raster:
         """Gap of a snapshot, of second order in the facets, 0 in contact and there alone [length]."""
         corners, edges = facets(self.top)
         inside = shares(self._at, *self.top["points"][corners[:, self._facets]])
-        shape = face_functions(inside.reshape(-1, 3)).reshape(*inside.shape[:-1], 6)
-        nodes = np.concatenate([corners, edges])[:, self._facets]
-        values = np.einsum("...k,k...->...", shape, self.top["gap"][i][nodes])
+        nodes = np.concatenate([corners, edges])[:, self._facets.ravel()].T
+        values = at_inside(inside.reshape(-1, 3), self.top["gap"][i][nodes]).reshape(self._facets.shape)
         return np.where(self.touching(i), 0.0, np.maximum(values, OPEN * np.ptp(self.box[:, 0])))
 
 

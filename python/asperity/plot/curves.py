@@ -38,11 +38,16 @@ def draw_branches(
         for n, piece in enumerate(results.branches(name)):
             at, value = getattr(piece, x), factor * getattr(piece, y)
             axis.plot(at, value, mark, mfc="white", color=colour, label=text if n == 0 else None, zorder=3)
-            band = factor * np.nan_to_num(getattr(piece, f"error_{y}", 0.0))
-            if np.any(band > 0.0):
-                low = np.maximum(value - band, 1e-3 * value)  # a logarithmic axis cannot show a band down to zero
-                words = "error bar" if n == 0 and name == "load" else None
-                axis.fill_between(at, low, value + band, color=colour, alpha=0.2, lw=0, label=words)
+            words = "error bar" if n == 0 and name == "load" else None
+            _draw_band(axis, at, value, factor * getattr(piece, f"error_{y}", np.zeros(len(value))), colour, words)
+
+
+def _draw_band(axis: Any, at: Array, value: Array, error: Array, colour: str, label: str | None = None) -> None:
+    """Draw the band of an error bar, if some of it is known."""
+    band = np.nan_to_num(error)
+    if np.any(band > 0.0):
+        low = np.maximum(value - band, 1e-3 * value)  # a logarithmic axis cannot show a band down to zero
+        axis.fill_between(at, low, value + band, color=colour, alpha=0.2, lw=0, label=label)
 
 
 @style.styled
@@ -175,32 +180,30 @@ def stiffness(results: Results) -> Figure:
 @style.styled
 def leakage(results: Results) -> Figure:
     """Draw the transmissivities of the first loading over the load, and the hydraulic aperture with the mean gap."""
-    figure, axes = style.figure(style.DOUBLE, 3.5, "transmissivity", "apertures")
+    figure, (left, right) = style.figure(style.DOUBLE, 3.5, "transmissivity", "apertures")
     loading, unit = results.curve.loading(), results.unit("length")
-    for axis, names, scale, text in (
-        (axes[0], {"transmissivity_x": "along $x$", "transmissivity_y": "along $y$"}, 1.0, "transmissivity $T$"),
-        (axes[1], {"mean_gap": "mean gap", "hydraulic_aperture": "hydraulic aperture"}, *_of_gap(loading, unit)),
-    ):
-        for (name, label), colour in zip(names.items(), (style.BLUE, style.VERMILION), strict=True):
-            value, error = (scale * getattr(loading, f"{of}{name}") for of in ("", "error_"))
-            known = value > 0.0
-            axis.plot(loading.P_star[known], value[known], "o-", color=colour, mfc="white", label=label)
-            if np.any(band := np.nan_to_num(error)[known]):
-                low = np.maximum(value[known] - band, 1e-3 * value[known])
-                axis.fill_between(loading.P_star[known], low, value[known] + band, color=colour, alpha=0.2, lw=0)
-            if name.startswith("trans") and not known.all() and known.any():
-                axis.axvline(loading.P_star[np.flatnonzero(known)[-1]], color=colour, lw=0.7, ls=":")
-        axis.set(xlabel=LOAD, ylabel=text)
+
+    def draw(axis: Any, name: str, words: str, colour: str, factor: float = 1.0) -> Array:
+        value, error = (factor * getattr(loading, f"{of}{name}") for of in ("", "error_"))
+        known = value > 0.0
+        at = loading.P_star[known]
+        axis.plot(at, value[known], "o-", color=colour, mfc="white", label=words)
+        _draw_band(axis, at, value[known], error[known], colour)
+        return at
+
+    for along, colour in (("x", style.BLUE), ("y", style.VERMILION)):
+        at = draw(left, f"transmissivity_{along}", f"along ${along}$", colour)
+        if 0 < len(at) < len(loading):
+            left.axvline(at[-1], color=colour, lw=0.7, ls=":")
+    factor, of_gap = prefix(float(np.nanmax(loading.mean_gap)), unit)
+    draw(right, "mean_gap", "mean gap", style.BLUE, factor)
+    draw(right, "hydraulic_aperture", "hydraulic aperture", style.VERMILION, factor)
+    left.set(xlabel=LOAD, ylabel=style.label("transmissivity $T$", f"{unit}³" if unit else ""))
+    right.set(xlabel=LOAD, ylabel=style.label("aperture", of_gap))
+    for axis in (left, right):
         style.logarithmic(axis)
         axis.legend(loc="best")
-    axes[0].set_ylabel(style.label("transmissivity $T$", f"{unit}³" if unit else ""))
     return figure
-
-
-def _of_gap(loading: Curve, unit: str) -> tuple[float, str]:
-    """Factor and label of an axis of gaps."""
-    scale, unit = prefix(float(np.nanmax(loading.mean_gap)), unit)
-    return scale, style.label("aperture", unit)
 
 
 @style.styled
