@@ -55,6 +55,7 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
     other = {
         "conductance",
+        "flow",
         "frequency",
         "indentation",
         "leakage",

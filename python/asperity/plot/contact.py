@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import LightSource
+from matplotlib.colors import LightSource, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -16,9 +16,11 @@ from asperity.output.raster import PIXELS, Raster, facets
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
+from asperity.reference.leakage import flow
 from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
+FLOW_PIXELS, FLOW_RANGE = 200, (1e-2, 10.0)  # of a map of the flow, and of its colours over the mean
 RELIEF = 0.1  # range of the heights that shade a map, over its side
 
 
@@ -52,6 +54,25 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     box = Rectangle(tuple(low), *(high - low), fill=False, ec=style.BLUE, lw=0.9)
     axes[chosen.index(last)].add_patch(box)
     figure.colorbar(image, ax=axes, shrink=0.8).set_label(style.label("contact pressure", unit))
+    return figure
+
+
+@style.styled
+def flow_maps(results: Results, count: int = 3) -> Figure:
+    """Draw the flow of a film along x at up to `count` loads at which a channel is open, each over its mean."""
+    periodic = results.case.get("boundary", {}).get("sides") == "periodic"
+    on_patch, found = Raster(results.top, n=FLOW_PIXELS), []
+    for i in np.flatnonzero(results.top["branch"] == "load"):
+        size = np.linalg.norm(flow(on_patch.gap(i), periodic), axis=0)
+        if size.any():
+            found.append((i, size))
+    chosen = [found[k] for k in sorted({int(k) for k in np.linspace(len(found) - 1, 0, count).round()})]
+    figure, axes = style.figure(1.1 + 2.5 * len(chosen), 3.0, *(_title(results, i) for i, _ in chosen))
+    for axis, (_, size) in zip(axes, chosen, strict=True):
+        shown = np.ma.masked_equal(size / size.mean(), 0.0)
+        image = _map(axis, results, on_patch, shown, cmap="viridis", norm=LogNorm(*FLOW_RANGE))
+        axis.label_outer()
+    figure.colorbar(image, ax=axes, shrink=0.8, extend="both").set_label("flow over its mean on the patch")
     return figure
 
 

@@ -20,7 +20,7 @@ from asperity.reference.elastic import (
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
 from asperity.reference.inertia import LONG_WAVES, radiation_loss
-from asperity.reference.leakage import transmissivity
+from asperity.reference.leakage import flow, transmissivity
 
 __all__ = [
     "LONG_WAVES",
@@ -30,6 +30,7 @@ __all__ = [
     "RoughHalfSpace",
     "Westergaard",
     "block_modulus",
+    "flow",
     "half_space_contact",
     "patch_test_slope",
     "pull_off",
