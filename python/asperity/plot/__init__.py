@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from asperity.vibration import Dynamics
 
 __all__ = [
-    "CAPTIONS", "conductance", "contact_area", "flow_maps", "force_curve", "frequency", "indentation", "leakage", "motion",
-    "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
+    "CAPTIONS", "conductance", "contact_area", "flow_maps", "force_curve", "frequency", "indentation", "leakage",
+    "motion", "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
 
@@ -41,7 +41,7 @@ CAPTIONS = {
     "conductance": "Conductance per nominal area over the nominal pressure.",
     "leakage": "(a) Transmissivity of the gap over the load; a dotted line marks the last load with an open channel. "
     "(b) Mean gap and hydraulic aperture.",
-    "flow": "Flow of a film along x through the open gap at selected loads, over its mean; white: in contact, or no way.",
+    "flow": "Flow of a film along x through the open gap at selected loads, over its mean. Pale: no flow.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
