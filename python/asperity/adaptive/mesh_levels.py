@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from asperity.adaptive.mesh_plan import LEAST_STEP, RATIO, MeshFamily
+from asperity.adaptive.mesh_plan import GREATEST_STEP, LEAST_STEP, MeshFamily
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -141,7 +141,7 @@ class LevelSolver:
         def limit() -> str:
             family, scale, last = self._family, self.scales[-1], self.levels[-1].dofs
             assert family is not None
-            if last * RATIO**3 <= most:  # no mesh has more
+            if last * GREATEST_STEP**3 <= most:  # no mesh has more
                 return ""
             here, least, dofs = (family.dofs(scale / step) for step in (1.0, LEAST_STEP, finer))
             if last * least <= most * here:

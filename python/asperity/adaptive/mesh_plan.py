@@ -39,7 +39,8 @@ FLOW_ORDERS = (0.7, inf)  # and of the flow through the gap: between spots its o
 # area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
 EDGE_ORDER, AREA_ORDER, DOFS_ORDER = 1.0, 1.5, 2.0
 FIRST = 3.0  # scale of the first mesh
-RATIO = 2.0  # of the first two scales, and the greatest one from a scale to the next
+RATIO = 2.0  # of the first two scales
+GREATEST_STEP = 3.0  # from a scale to the next: what a bar needs is known to this factor
 LEAST_STEP = RATIO ** (1.0 / 3.0)  # least one from a scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
@@ -104,7 +105,7 @@ def next_step(excess: float, order: float) -> float:
 
     Rounded: the rounding of the bar differs with the ranks, and gmsh makes another mesh of any other size.
     """
-    return float(np.clip(round((excess / MARGIN) ** (1.0 / order), 2), LEAST_STEP, RATIO))
+    return float(np.clip(round((excess / MARGIN) ** (1.0 / order), 2), LEAST_STEP, GREATEST_STEP))
 
 
 def partner(scales: Sequence[float]) -> int:
