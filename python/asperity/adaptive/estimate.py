@@ -14,21 +14,17 @@ from typing import TYPE_CHECKING
 
 from asperity.adaptive.extrapolation import FLOWING
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
-from asperity.adaptive.mesh_plan import (
+from asperity.adaptive.limits import (
     AREA_ORDER,
     LEAST_STEP,
     MARGIN,
-    MOST_SUBSTEPS,
-    STEP_RULES,
-    MeshFamily,
-    dofs_of,
     next_step,
     partner,
     planned_order,
-    second,
     shares,
-    step_rule,
 )
+from asperity.adaptive.load_step_error import MOST_SUBSTEPS, STEP_RULES, step_rule
+from asperity.adaptive.meshes import MeshFamily, dofs_of
 from asperity.adaptive.small_strain import judge
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -211,42 +207,30 @@ def _plan(
     """Meshes that a run plans: of each the greatest size in the contact [length], dofs, load steps; and their bar."""
     most, planned = min(max_dofs, MOST_DOFS), planned_steps(problem.load_path.steps)
     problem = replace(problem, load_path=replace(problem.load_path, steps=planned))
-    family = MeshFamily(problem, guide)
-    first, coarse = family.first(most)
-    scale, dofs = family.finest(second(first), first, most)
-    small = None
-    if coarse > most:
-        small = f"a coarse mesh of this block has about {coarse} dofs: raise it"
-    elif min(first / scale, dofs / coarse) < LEAST_STEP:
-        small = (
-            f"the force would have no error bar, for meshes of about {coarse} and {dofs} dofs are nearly the same; "
-            "raise it"
-        )
-    if small:
-        raise InputError(f"accuracy.max_dofs = {most:g} is too small, {small}, or choose the mesh by mesh.h_contact")
+    family = MeshFamily(problem, guide, most, counted=True)
+    meshes = [first := family.next([])]
+    meshes.append(family.next(meshes))
     parts, substeps = [1], 1
     if problem.path_dependent:
         order, share = STEP_RULES[step_rule(problem)]
         while share * (planned * substeps) ** -order >= MARGIN * tolerance and substeps < MOST_SUBSTEPS:
             substeps *= 2
         parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
-    plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
-    scales, plastic = [first], problem.material.plastic
-    order = planned_order(flows=plastic)
+    plan, plastic = [(first.h, first.dofs, _steps(problem, n)) for n in parts], problem.material.plastic
     while True:
-        plan.append((family.h(scale), dofs, _steps(problem, substeps)))
-        scales.append(scale)
+        scales = [mesh.scale for mesh in meshes]
+        scale, h, dofs = meshes[-1]
+        plan.append((h, dofs, _steps(problem, substeps)))
         bar = TYPICAL_BAR * scale ** planned_order()
-        if plastic:  # see `extrapolation.correct`
+        if plastic:  # see `extrapolation.Pair.scatter`
             ratio = scales[partner(scales)] / scale
             part, _ = shares(ratio)
             bar = hypot(bar, FLOWING * hypot(1.0 + part, part * ratio**AREA_ORDER) * family.open_area(scale))
         if bar <= tolerance:
             return plan, bar
-        finer, dofs = family.finest(scale / next_step(bar / tolerance, order), scale, most)
-        if scale / finer < 0.999 * LEAST_STEP:
+        meshes.append(family.next(meshes, next_step(bar / tolerance, planned_order(flows=plastic))))
+        if scale / meshes[-1].scale < 0.999 * LEAST_STEP:
             return plan, bar
-        scale = finer
 
 
 def _dofs(problem: Problem, depth: float) -> int:

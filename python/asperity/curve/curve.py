@@ -174,6 +174,10 @@ class Curve:
         except ValueError as error:
             raise InputError(f"the curve contains something that is not a number: {error}") from None
 
+    def with_bar(self, name: str, values: Array, error: Array) -> Curve:
+        """Curve with other values of a column (n,) that has error bars, and these."""
+        return replace(self, **{name: values, f"error_{name}": error})
+
     def with_force(self, force: Array) -> Curve:
         """Curve with other forces (n,) and the slopes k_n that belong to them."""
         return replace(self, force=force, k_n=slopes(self.delta, force, self.branch)[0])

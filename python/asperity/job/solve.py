@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from asperity.adaptive.guide import guide_of
-from asperity.adaptive.refine import AccurateResult, refine
+from asperity.adaptive.solve_contact import AccurateResult, refine
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.case import Case
 from asperity.curve import Curve
