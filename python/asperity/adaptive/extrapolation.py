@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from math import inf
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.guide import Omission
 from asperity.adaptive.limits import (
@@ -25,12 +23,21 @@ from asperity.adaptive.limits import (
     shares,
     steady,
 )
-from asperity.arrays import Array, Flags, Floats
+from asperity.adaptive.loading import (
+    TINY,
+    loading_force,
+    open_area,
+    over_force,
+    relative,
+    rising,
+    rows_of_loading,
+    scaled,
+    shifted,
+)
+from asperity.arrays import Flags, Floats
 from asperity.contact.thin_film import ThinFilm
 from asperity.curve import WITH_ERRORS, Curve
-from asperity.curve.curve import EDGE
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
-from asperity.errors import InputError
 
 # Deviation of the force over that of the area from mesh to mesh, both relative: 0.11 and 0.15 on meshes of scale 1 and
 # 2 of twelve single spots, each at another place of the block. In a solid that yields the force is that of a full
@@ -38,7 +45,6 @@ from asperity.errors import InputError
 SCATTER, FLOWING = 0.12, 0.5
 STEEPEST = 2.0  # power of the force that the approach is moved by: a force that stands still gives none
 MOST = 20.0  # bar of the logarithm of a flow beyond which nothing is known
-TINY = 1e-300  # P* below which there is no logarithm
 AREA, GAP = "area_fraction", "mean_gap"
 MEASURES = (AREA, *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
 
@@ -146,7 +152,9 @@ def correct(
         coarse, fine = pair.at_force(name, first.P_star)
         if np.isfinite(coarse).all() and np.nanmax(fine, initial=0.0) > 0.0:
             curve = with_measure(curve, name, *LIMITS.get(name, stiffness_limit)(pair, curve, name, coarse, fine))
-        elif name in ThinFilm.columns and not any(np.any(getattr(mesh.curve, name)) for mesh in (pair.coarse, pair.fine)):
+        elif name in ThinFilm.columns and not any(
+            np.any(getattr(mesh.curve, name)) for mesh in (pair.coarse, pair.fine)
+        ):
             curve = curve.with_bar(name, getattr(curve, name), np.zeros(len(curve)))  # closed from the first touch on
     pressure = relative(curve.P_star, raw.P_star, 1.0) / relative(curve.area_fraction, raw.area_fraction, 1.0)
     curve = replace(curve, mean_pressure=raw.mean_pressure * pressure)
@@ -215,7 +223,11 @@ def flow_limit(pair: Pair, curve: Curve, name: str, coarse: Floats, fine: Floats
     return factor * fine, bar * factor * fine
 
 
-LIMITS = {AREA: area_limit, GAP: gap_limit, **dict.fromkeys(ThinFilm.columns, flow_limit)}  # of others that of stiffness
+LIMITS = {
+    AREA: area_limit,
+    GAP: gap_limit,
+    **dict.fromkeys(ThinFilm.columns, flow_limit),
+}  # of others that of stiffness
 
 
 def with_measure(curve: Curve, name: str, limit: Floats, bar: Floats) -> Curve:
@@ -311,107 +323,3 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
 def other_half(missed: Floats) -> Floats:
     """Half of a change that is not corrected, over the value with the half that is."""
     return np.abs(0.5 * missed / (1.0 + 0.5 * missed))
-
-
-def over_force(curve: Curve, name: str, P_star: Floats) -> Floats:
-    """A measure of the contact along the first loading at given forces P*; NaN where it is known at less than 2 steps.
-
-    Logarithms are interpolated, shape-preserving; beyond the ends the power of the force goes on.
-    """
-    branch, values = curve.loading(), getattr(curve, name)[curve.branch == "load"]
-    known = rising(branch.P_star) & (values > 0.0)
-    if np.count_nonzero(known) < 2:
-        return np.full(len(P_star), np.nan)
-    x, y = np.log(branch.P_star[known]), np.log(values[known])
-    return in_logarithms(x, y, np.log(np.maximum(P_star, TINY)), (y[1] - y[0]) / (x[1] - x[0]))
-
-
-def loading_force(curve: Curve, delta_star: Floats) -> Floats:
-    """P* of the first loading at given approaches, by shape-preserving interpolation of its logarithms.
-
-    Before the first step with a force it is continued as that of a single contact, (delta*)^(3/2): a cubic through
-    steps that follow closely on a late first touch would leave all bounds. Beyond the last step its tangent is.
-
-    Raises:
-        InputError: no step has a force
-    """
-    branch = curve.loading()
-    branch = branch.where(branch.P_star > 0.0)
-    if not len(branch):
-        raise InputError("accuracy.tolerance: the force is zero in every step: raise loading.delta_max")
-    return in_logarithms(np.log(branch.delta_star), np.log(branch.P_star), np.log(delta_star), SINGLE_CONTACT)
-
-
-def in_logarithms(x: Floats, y: Floats, at: Floats, before: float) -> Floats:
-    """Values at `at` of a shape-preserving cubic through (x, y), all three logarithms.
-
-    Below the first point the power `before` goes on, beyond the last one its tangent; so does it through one point.
-    """
-    if len(x) == 1:
-        return np.asarray(np.exp(y[0] + before * (at - x[0])))
-    law, inside = PchipInterpolator(x, y), np.clip(at, x[0], x[-1])
-    slope = np.where(at < x[0], before, law(x[-1], 1))
-    return np.asarray(np.exp(law(inside) + slope * (at - inside)))
-
-
-def rising(P_star: Floats, by: float = 0.0) -> Flags:
-    """Steps of a loading whose force exceeds all before, by more than a part of it (n,)."""
-    return P_star > (1.0 + by) * np.maximum.accumulate(np.append(0.0, P_star[:-1]))
-
-
-def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
-    """What an error of P* changes in a measure of the contact (n,), on the branches after the first loading.
-
-    There the force keeps its bar while it vanishes, and the measure follows the force: near the end, where the flat
-    lifts off, all of it is unknown.
-
-    Args:
-        bar: of P* (n,)
-        values: of the measure (n,)
-    """
-    found = np.zeros(len(curve))
-    for begin, end in legs(curve.branch)[1:]:
-        leg = slice(begin - 1, end)
-        order = np.argsort(curve.P_star[leg])
-        P, value = (np.append(0.0, column[leg][order]) for column in (curve.P_star, values))
-        ends = (np.interp(curve.P_star + sign * bar, P, value) for sign in (1.0, -1.0))
-        found[begin:end] = np.max([np.abs(at - values) for at in ends], axis=0)[begin:end]
-    return found
-
-
-def judged_rows(curve: Curve, steps: int) -> Flags:
-    """Rows whose bar is judged: the first loading from the end of the first of the planned steps on.
-
-    The midpoint rule puts smaller ones before, where the contact is too small for a mesh made for the planned ones.
-    """
-    loading = curve.branch == "load"
-    return loading & (curve.delta_star >= 0.999 * curve.delta_star[loading].max() / steps)
-
-
-def relative(bar: Floats, P_star: Floats, without: float = inf) -> Floats:
-    """Error bars over the force; `without` where there is none."""
-    return np.divide(bar, P_star, out=np.full(len(bar), without), where=P_star > 0.0)
-
-
-def scaled(curve: Curve, factor: Floats) -> Curve:
-    """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
-    of_row = factor[rows_of_loading(curve.branch == "load")]
-    return replace(curve, P_star=curve.P_star * of_row).with_force(curve.force * of_row)
-
-
-def rows_of_loading(loading: Flags) -> Array:
-    """Place of each row among those of the first loading (rows,); of later branches that of its last one."""
-    return np.where(loading, np.cumsum(loading), np.count_nonzero(loading)) - 1
-
-
-def open_area(curve: Curve, delta_star: Floats) -> Floats:
-    """Error of the area of contact over the area along the first loading, no more than 1, at given approaches.
-
-    A spot of a few facets is larger or smaller by chance from mesh to mesh, and its force with it. Two such meshes may
-    agree by chance, and their difference shows nothing; the area that cut facets leave open shows it. It is twice what
-    the area deviates by.
-    """
-    branch = curve.loading()
-    area, edge = branch.area_fraction, np.nan_to_num(branch.edge_fraction)
-    error = np.sqrt(np.maximum(branch.error_area_fraction**2 - (EDGE * edge) ** 2, 0.0))
-    return np.interp(delta_star, branch.delta_star, np.where(area > error, relative(error, area, 1.0), 1.0))

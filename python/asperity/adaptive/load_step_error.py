@@ -12,8 +12,8 @@ from math import inf
 
 import numpy as np
 
-from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled
 from asperity.adaptive.limits import MARGIN, RATIO, steady
+from asperity.adaptive.loading import judged_rows, loading_force, scaled
 from asperity.adaptive.meshes import LevelSolver
 from asperity.arrays import Floats
 from asperity.curve import Curve

@@ -21,14 +21,13 @@ from asperity.adaptive.extrapolation import (
     Pair,
     PressedMesh,
     correct,
-    judged_rows,
     of_elastic_solve,
-    relative,
     without_omission,
 )
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.limits import EDGE_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
+from asperity.adaptive.loading import judged_rows, relative
 from asperity.adaptive.meshes import Level, LevelSolver
 from asperity.arrays import Flags
 from asperity.curve import Curve

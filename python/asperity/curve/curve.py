@@ -176,7 +176,8 @@ class Curve:
 
     def with_bar(self, name: str, values: Array, error: Array) -> Curve:
         """Curve with other values of a column (n,) that has error bars, and these."""
-        return replace(self, **{name: values, f"error_{name}": error})
+        columns: dict[str, Any] = {name: values, f"error_{name}": error}
+        return replace(self, **columns)
 
     def with_force(self, force: Array) -> Curve:
         """Curve with other forces (n,) and the slopes k_n that belong to them."""
