@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 CELLS = 128, 720  # fewest and most per side
 PER_SIZE = 2.3  # cells per element of a mesh of scale 1 with the same elements everywhere
 REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
-CLOSE, TRIALS = 1e-2, 40  # relative, of the approach of a force; and half-spaces that are pressed to find it
+CLOSE, TRIALS = 1e-3, 40  # relative, of a force whose approach is sought; and half-spaces that are pressed to find it
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change, ONE_MESH without one
 # Change over the rms slope of the spots, and over its square in a solid that yields: no scene of
@@ -187,7 +187,7 @@ def approach_of_force(problem: Problem) -> float:
 
     def beyond(delta_star: float) -> float:
         """Force less the wanted one, in a power of it that a single contact makes straight."""
-        found = layer.curve(heights, summit, [delta_star], tolerance=CLOSE).P_star[0]
+        found = layer.curve(heights, summit, [delta_star], tolerance=1e-2).P_star[0]
         return float((found / wanted) ** (1.0 / SINGLE_CONTACT) - 1.0)
 
     low, high = ((at, beyond(at)) for at in (1e-6 * deepest, deepest))

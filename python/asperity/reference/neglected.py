@@ -1,8 +1,8 @@
 """What the solver leaves out: adhesion by Tabor's parameter, pull-off and stickiness, and radiation by the inertia.
 
 In the formulas of adhesion R is the radius of a sphere [m], w the work of adhesion [J/m^2], E_prime the contact modulus
-[Pa], z0 the range of the attraction [m]. A rough surface has the rms slope h' and the rms curvature h'', half of its rms
-Laplacian [1/m].
+[Pa], z0 the range of the attraction [m]. A rough surface has the rms slope h' and the rms curvature h'', half of its
+rms Laplacian [1/m].
 """
 
 from __future__ import annotations
