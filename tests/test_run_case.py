@@ -13,7 +13,7 @@ import pytest
 from conftest import call, files, leave_figures_blank
 
 import asperity
-from asperity.adaptive.mesh_levels import LevelSolver
+from asperity.adaptive.meshes import LevelSolver
 from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.curve.power_law import with_misfit
@@ -101,7 +101,7 @@ QUIET: dict[str, Any] = {
 
 def test_a_run_that_is_refused_on_its_way_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Exit code 2 after a first mesh, whose steps were saved; files of other origin stay."""
-    solve, out, calls = LevelSolver.__call__, tmp_path / "out", []
+    solve, out, calls = LevelSolver.press, tmp_path / "out", []
 
     def refuse(*arguments: Any) -> Any:
         calls.append(arguments)
@@ -110,7 +110,7 @@ def test_a_run_that_is_refused_on_its_way_leaves_nothing(tmp_path: Path, monkeyp
             raise MeshError("the second mesh cannot be made")
         return solve(*arguments)
 
-    monkeypatch.setattr(LevelSolver, "__call__", refuse)
+    monkeypatch.setattr(LevelSolver, "press", refuse)
     case = case_of(surface={"kind": "flat", "L": 1e-6}, **QUIET, mesh={}, accuracy={"tolerance": 0.1})
     with pytest.raises(MeshError, match="the second mesh"):
         run(case, out)

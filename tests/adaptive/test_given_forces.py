@@ -10,8 +10,9 @@ import pytest
 from conftest import ELASTIC, PLASTIC, here
 
 import asperity as asp
-from asperity.adaptive.extrapolation import Budget, at_given_forces, scaled, without_omission
+from asperity.adaptive.extrapolation import Budget, Pair, PressedMesh, at_given_forces, correct, without_omission
 from asperity.adaptive.guide import Omission
+from asperity.adaptive.loading import scaled
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.reference import half_space_contact
@@ -29,18 +30,26 @@ def power(factor: float, branches: tuple[str, ...] = ("load",), **columns: Any) 
     return Curve.from_rows(rows)
 
 
+def twice(curve: Curve) -> Pair:
+    """Two meshes with the same curve."""
+    nothing = Omission(np.array([0.0]), *3 * [np.zeros(1)])
+    fine, coarse = (PressedMesh(scale, 1, curve, nothing) for scale in (1.0, 2.0))
+    return Pair(fine, coarse, np.ones(np.count_nonzero(curve.branch == "load"), dtype=bool))
+
+
 @pytest.mark.parametrize("factor", [0.7, 0.98, 1.2])
 def test_the_approach_of_a_power_law_is_exact(factor: float) -> None:
-    """Area and gap are those of the force that is given, as powers of it."""
-    raw, corrected = (power(f, ("load", "unload")) for f in (2.0, 2.0 * factor))
-    corrected = replace(corrected, area_fraction=3.0 * corrected.P_star**0.9, mean_gap=0.01 * corrected.P_star**-0.1)
-    budget = Budget(*(part * corrected.P_star for part in (0.01, 0.02, 0.0, 0.0)))
-    found, bars = at_given_forces(corrected, budget, raw, float(raw.force[2]))
+    """Area and gap are those of the force that is given, as powers of it on both meshes."""
+    raw, pressed = (power(f, ("load", "unload")) for f in (2.0, 2.0 * factor))
+    columns: dict[str, Any] = {"area_fraction": 3.0 * pressed.P_star**0.9, "mean_gap": 0.01 * pressed.P_star**-0.1}
+    pressed = replace(pressed, error_area_fraction=np.zeros(6), **columns)
+    found, bars = correct(twice(pressed), raw, np.full(3, 0.02), 0.01, float(raw.force[2]))
     np.testing.assert_allclose(found.force, raw.force, rtol=1e-14)
     np.testing.assert_allclose(found.force, 2.0 * factor * found.delta**1.5)
-    np.testing.assert_allclose(bars.total, np.hypot(0.01, 0.02) * found.P_star)
-    np.testing.assert_allclose(found.area_fraction, 3.0 * found.P_star**0.9)
-    np.testing.assert_allclose(found.mean_gap, 0.01 * found.P_star**-0.1)
+    np.testing.assert_allclose(bars.total, np.where(found.branch == "load", 0.03 * found.P_star, 0.03 * raw.P_star[2]))
+    loading = found.loading()
+    np.testing.assert_allclose(loading.area_fraction, 3.0 * loading.P_star**0.9)
+    np.testing.assert_allclose(loading.mean_gap, 0.01 * loading.P_star**-0.1)
 
 
 @pytest.mark.parametrize("factor", [0.9, 0.98, 1.1])
@@ -67,12 +76,12 @@ def test_a_corrected_force_that_stands_still_or_falls_moves_no_approach_out_of_o
         P = at**1.5
         P[2] = third * P[1]
         rows = [
-            {"delta": d, "delta_star": d, "force": p, "P_star": p, "area_fraction": 0.1 * p}
+            {"delta": d, "delta_star": d, "force": p, "P_star": p, "area_fraction": 0.1 * p, "error_area_fraction": 0.0}
             for d, p in zip(at, P, strict=True)
         ]
-        corrected, nothing = Curve.from_rows(rows), np.zeros(len(at))
-        raw = scaled(corrected, np.full(len(at), 1.05))
-        found, bars = at_given_forces(corrected, Budget(*4 * [nothing]), raw, float(raw.force[-1]))
+        pressed = Curve.from_rows(rows)
+        raw = scaled(pressed, np.full(len(at), 1.05))
+        found, bars = correct(twice(pressed), raw, np.zeros(len(at)), 0.0, float(raw.force[-1]))
         moved = np.log(found.delta / at) / np.log(1.05)
         assert np.all(moved > 0.3) and np.all(moved < 2.1) and np.all(np.diff(found.delta) > 0.0)
         np.testing.assert_allclose(found.area_fraction, 0.1 * raw.P_star)

@@ -10,8 +10,7 @@ import pytest
 from conftest import PLASTIC
 
 import asperity as asp
-from asperity.adaptive.load_step_error import choose_substeps, step_errors
-from asperity.adaptive.mesh_plan import STICK
+from asperity.adaptive.load_step_error import STICK, choose_substeps, step_errors
 from asperity.curve import Curve
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
@@ -88,13 +87,13 @@ def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance(
     """
     solved = []
 
-    def run(finer: float | None = None, substeps: int = 1) -> Any:
+    def press(substeps: int = 1) -> Any:
         solved.append(substeps)
         error = 0.024 / substeps**2 if order else 0.01 * (-1.0) ** len(solved)
         rows = [{"delta": d, "delta_star": d, "force": d, "P_star": (1.0 + error) * d} for d in (0.01, 0.02)]
         return SimpleNamespace(curve=Curve.from_rows(rows))
 
     flat = asp.Surface.from_spec("flat", L=1.0)
-    run.problem = asp.Problem.of(flat, PLASTIC, delta_max=0.02, steps=2)  # type: ignore[attr-defined]
-    _, found = choose_substeps(run, tolerance)  # type: ignore[arg-type]
+    run: Any = SimpleNamespace(problem=asp.Problem.of(flat, PLASTIC, delta_max=0.02, steps=2), press=press)
+    _, found = choose_substeps(run, tolerance)
     assert found.substeps == parts and solved == [2**k for k in range(most.bit_length())]

@@ -8,7 +8,7 @@ from conftest import ELASTIC
 
 import asperity as asp
 from asperity import reference
-from asperity.adaptive.extrapolation import shifted
+from asperity.adaptive.loading import shifted
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.surface import SelfAffine, Sinusoid
 

@@ -15,17 +15,19 @@ from conftest import ELASTIC, PLASTIC, here, world
 from html_page import Page
 
 import asperity as asp
-from asperity.adaptive.extrapolation import loading_force
 from asperity.adaptive.guide import planned_steps
-from asperity.adaptive.limits import limit_of_area, limit_of_meshes, steady
-from asperity.adaptive.mesh_plan import (
-    DOFS_ORDER,
+from asperity.adaptive.limits import (
     LEAST_RATIO,
     LEAST_STEP,
     MESH_ORDERS,
+    limit_of_area,
+    limit_of_meshes,
     partner,
     shares,
+    steady,
 )
+from asperity.adaptive.loading import loading_force
+from asperity.adaptive.meshes import DOFS_ORDER
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
@@ -223,8 +225,7 @@ def test_one_step_and_steps_without_force() -> None:
     rows = [{"delta": d, "force": f, "delta_star": d, "P_star": f} for d, f in ((0.1, 0.0), (0.2, 0.2), (0.3, 0.3))]
     assert loading_force(Curve.from_rows(rows), np.array([0.25])) == pytest.approx([0.25])
     assert loading_force(Curve.from_rows(rows), np.array([0.05, 0.6])) == pytest.approx([0.025, 0.6])
-    with pytest.raises(asp.InputError, match=r"the force is zero in every step"):
-        loading_force(Curve.from_rows(rows[:1]), np.array([0.1]))
+    assert np.isnan(loading_force(Curve.from_rows(rows[:1]), np.array([0.1])))
 
 
 @pytest.mark.parametrize(("steps", "solved"), [(1, 5), (2, 6), (3, 6), (4, 8), (5, 5), (12, 12)])
@@ -254,7 +255,7 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
         results.append(solve_problem(*args, **kwargs))
         return results[-1]
 
-    monkeypatch.setattr("asperity.adaptive.mesh_levels.solve_problem", solve)
+    monkeypatch.setattr("asperity.adaptive.meshes.solve_problem", solve)
     target = AccuracyTarget(0.05, area_tolerance=1e-4)
     result = solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5, on_curve=curves.append)
     assert not result.met and len(result.levels) == 2 and len(curves) == 1
@@ -272,7 +273,7 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
         solve_contact(sphere, ELASTIC, tolerance=AccuracyTarget(0.05, area_tolerance=area), delta_max=0.004, steps=5)
         for area in (None, 0.03)
     )
-    assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
+    assert force_only.met and force_only.verdict.area > 0.05 and both.met and both.verdict.area <= 0.03
     curve = both.curve.loading()
     quarter = asp.Surface.from_spec(kind="sphere", L=0.5, radius=3.0, centre=(0.0, 0.0))  # by its planes of symmetry
     exact = [half_space_contact(quarter, 270, delta_star=2.0 * d, height=1.0, tolerance=1e-5) for d in curve.delta_star]
