@@ -32,7 +32,7 @@ def power(factor: float, branches: tuple[str, ...] = ("load",), **columns: Any) 
 
 def twice(curve: Curve) -> Pair:
     """Two meshes with the same curve."""
-    nothing = Omission(np.array([0.0]), *3 * [np.zeros(1)])
+    nothing = Omission(np.array([0.0]), *4 * [np.zeros(1)])
     fine, coarse = (PressedMesh(scale, 1, curve, nothing) for scale in (1.0, 2.0))
     return Pair(fine, coarse, np.ones(np.count_nonzero(curve.branch == "load"), dtype=bool))
 
@@ -88,15 +88,16 @@ def test_a_corrected_force_that_stands_still_or_falls_moves_no_approach_out_of_o
         assert np.isfinite(bars.total).all() and bars.total[2] > 0.05 * found.P_star[2]
 
 
-def test_half_of_what_a_top_leaves_out_is_taken() -> None:
-    """The bar of the area holds the other half; a block that is pressed more is compressed more, and its gap wider."""
+@pytest.mark.parametrize("sharp", [0.0, 1.0])
+def test_half_of_what_a_top_leaves_out_is_taken(sharp: float) -> None:
+    """The bar of the area holds half; sharp edges are not moved; a block pressed more has a wider gap."""
     curve = power(2.0, ("load", "unload"), area_fraction=0.1, mean_gap=0.01, error_area_fraction=0.002)
-    missed = Omission(np.array([0.001, 0.01]), np.full(2, -0.2), np.full(2, 0.4), np.zeros(2))
+    missed = Omission(np.array([0.001, 0.01]), np.full(2, -0.2), np.full(2, 0.4), np.zeros(2), np.full(2, sharp))
     found = without_omission(curve, missed, 0.5)
     np.testing.assert_allclose(found.force, 0.9 * curve.force)
     np.testing.assert_allclose(found.P_star, 0.9 * curve.P_star)
-    np.testing.assert_allclose(found.area_fraction, 0.12)
-    np.testing.assert_allclose(found.error_area_fraction, np.hypot(0.0024, 0.02))
+    np.testing.assert_allclose(found.area_fraction, 0.12 if sharp == 0.0 else 0.1)
+    np.testing.assert_allclose(found.error_area_fraction, np.hypot(0.02 * found.area_fraction, 0.02))
     np.testing.assert_allclose(found.mean_gap, 0.01 - 0.5 * 0.1 * curve.P_star)
 
 

@@ -93,6 +93,7 @@ def test_flat_tops_with_sharp_edges_have_a_singular_pressure_and_smooth_ones_hav
     assert spots_of(np.minimum(2.0 * smooth, 0.7).astype(np.single), 0.7)[2] == 0.0  # single precision rounds 0.7 down
     both = smooth / smooth.sum() + 2.0 * punch / punch.sum()
     assert spots_of(both)[2] == pytest.approx(2.0 / 3.0)
+    assert spots_of(both)[3] == pytest.approx(0.5)  # by the lengths of the edges
 
 
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.4])
@@ -112,7 +113,7 @@ def rows(factor: float, error: float) -> Curve:
 
 
 def omission(force: float = 0.0, singular: float = 0.0) -> Omission:
-    return Omission(rows(1.0, 0.0).delta_star, np.full(3, force), np.zeros(3), np.full(3, singular))
+    return Omission(rows(1.0, 0.0).delta_star, np.full(3, force), np.zeros(3), *2 * [np.full(3, singular)])
 
 
 def corrected(fine: PressedMesh, coarse: PressedMesh, flows: bool = False) -> tuple[Curve, Budget]:

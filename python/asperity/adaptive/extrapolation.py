@@ -100,8 +100,7 @@ class Pair:
     @cached_property
     def singular(self) -> Floats:
         """Part of the edges of spots where the pressure is singular (n,)."""
-        *_, singular = self.fine.missed.at(self.at)
-        return singular
+        return self.fine.missed.at(self.at)[2]
 
     def limit(self, coarse: Floats, fine: Floats, orders: Orders | None = None) -> tuple[Floats, Floats]:
         """Limit of a quantity over its value on the finer mesh, and its relative bar; see `limit_of_meshes`."""
@@ -186,7 +185,7 @@ def area_limit(pair: Pair, curve: Curve, name: str, coarse: Floats, fine: Floats
     """
     edges = pair.at_force("edge_fraction", curve.loading().P_star)
     chance = [open_area(mesh.curve, pair.at) for mesh in (pair.coarse, pair.fine)]
-    factor, bar = limit_of_area((coarse, fine), edges, chance, pair.singular, pair.judged)
+    factor, bar = limit_of_area((coarse, fine), edges, chance, pair.fine.missed.at(pair.at)[3], pair.judged)
     return factor * fine, bar * factor * fine
 
 
@@ -307,16 +306,17 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     """A curve corrected for half of what the top of its mesh leaves out: forces, gaps, areas with their bars.
 
     A half-space does not know what the solid makes of a top: of flat tops with sharp edges it takes out too much. The
-    bar therefore holds the other half, whatever part of it is true.
+    bar therefore holds the other half, whatever part of it is true. An area that ends at such edges is not corrected.
 
     Args:
         compliance: of the block, compression over P* [length]; at a given approach the mean gap is the larger by it
     """
     loading = curve.branch == "load"
-    force, area, _ = missed.at(curve.delta_star[loading])
-    area = area[rows_of_loading(loading)]
-    areas, error = (column * (1.0 + 0.5 * area) for column in (curve.area_fraction, curve.error_area_fraction))
-    corrected = scaled(curve, 1.0 + 0.5 * force).with_bar(AREA, areas, np.hypot(error, other_half(area) * areas))
+    force, area, _, sharp = missed.at(curve.delta_star[loading])
+    area, sharp = (values[rows_of_loading(loading)] for values in (area, sharp))
+    by = 1.0 + 0.5 * (1.0 - sharp) * area
+    error = np.hypot(by * curve.error_area_fraction, 0.5 * area * curve.area_fraction)
+    corrected = scaled(curve, 1.0 + 0.5 * force).with_bar(AREA, by * curve.area_fraction, error)
     return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
 
 

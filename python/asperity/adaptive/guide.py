@@ -49,20 +49,21 @@ class Omission:
         delta_star: approaches (k,) [L]
         force: force on the surface over that on the top of the mesh, minus 1 (k,)
         area: the same of the area of contact (k,)
-        singular: part of the edges of the spots of the surface with a singular pressure (k,), see `spots_of`
+        singular: part of the edges of the spots with a singular pressure, by their forces (k,), see `spots_of`
+        sharp: the same by their lengths (k,)
     """
 
     delta_star: Floats
     force: Floats
     area: Floats
     singular: Floats
+    sharp: Floats
 
-    def at(self, delta_star: Floats) -> tuple[Floats, Floats, Floats]:
-        """Changes of force and area, and the singular part, at other approaches."""
-        of_force, of_area, singular = (
-            np.interp(delta_star, self.delta_star, values) for values in (self.force, self.area, self.singular)
-        )
-        return of_force, of_area, singular
+    def at(self, delta_star: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Changes of force and area, and both singular parts, at other approaches."""
+        columns = self.force, self.area, self.singular, self.sharp
+        of_force, of_area, singular, sharp = (np.interp(delta_star, self.delta_star, values) for values in columns)
+        return of_force, of_area, singular, sharp
 
 
 class Guide:
@@ -93,19 +94,19 @@ class Guide:
         columns, p = [], np.asarray(np.zeros((1, 1)))
         for k in range(steps):
             delta = float(self.delta_star[k])
-            layer, p, sizes, singular = self._press(delta, p)
+            layer, p, sizes, *singular = self._press(delta, p)
             n = max(layer.n, len(self.sizes))
             early = (delta / self.delta_star[-1]) ** EARLY
             self.sizes = np.minimum(on_grid(self.sizes, n), early * on_grid(sizes, n))
-            columns.append((float(p.mean()), layer.area(p), singular))
+            columns.append((float(p.mean()), layer.area(p), *singular))
             if k in (0, steps // 2, steps - 1):
                 self._pressed[k] = layer, p.astype(np.single)
-        self.force, self._area, self._singular = np.transpose(columns)
+        self.force, self._area, *self._singular = np.transpose(columns)
         square, touched = sum(slope**2 for slope in np.gradient(self._heights[layer.n], 1.0 / layer.n)), p > 0.0
         self.slope = float(np.sqrt(np.mean(square[touched]))) if touched.any() else 0.0
         self._heights.clear()
 
-    def _press(self, delta: float, p: Floats) -> tuple[RoughHalfSpace, Floats, Floats, float]:
+    def _press(self, delta: float, p: Floats) -> tuple[RoughHalfSpace, Floats, Floats, float, float]:
         """Half-space and pressure at an approach, and what `spots_of` says of it.
 
         Args:
@@ -123,9 +124,9 @@ class Guide:
             if not p.any():  # a spot between the centres of the cells
                 spot = np.zeros_like(p)
                 spot[np.unravel_index(self._heights[n].argmax(), p.shape)] = 1.0
-            sizes, even, singular = spots_of(spot, layer.hardness)
+            sizes, even, *singular = spots_of(spot, layer.hardness)
             cells = PER_SIZE / even
-        return layer, p, sizes, singular
+        return layer, p, sizes, *singular
 
     def edges(self) -> list[tuple[Floats, float, float]]:
         """Edges of the spots at three steps: places (m, 2), the length of each and the area of the spots [L, L^2]."""
@@ -147,7 +148,7 @@ class Guide:
             (p,) = layer.pressures(heights[layer.n], self._summit, at[[k]], SINGLE, [start])
             parts.append((_change(self.force[k], float(p.mean())), _change(self._area[k], layer.area(p))))
         force, area = (np.interp(at, at[[*self._pressed]], part) for part in np.transpose(parts))
-        return Omission(at, force, area, self._singular)
+        return Omission(at, force, area, *self._singular)
 
 
 def on_grid(values: Floats, n: int) -> Floats:
@@ -201,7 +202,7 @@ def edge_of(touched: Flags) -> Flags:
     return np.asarray(touched & ~ndimage.binary_erosion(touched, border_value=1))
 
 
-def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float]:
+def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float, float]:
     """Sizes with which the sum of w_i F_i/F (h_i/a_i)^2 over the spots is 1, and the part of edges that is singular.
 
     A spot of half-width a and force F_i adds w_i F_i (h/a)^2 to the error of the force, w_i being `own_part`, and
@@ -218,12 +219,12 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
 
     Returns:
         sizes at the cells, inf where there is no contact (n, n) [side], the same size everywhere that has this error
-        [side], and the part of the edges, by the forces
+        [side], and the part of the edges, by the forces and by their lengths
     """
     n, touched = len(pressure), pressure > 0.0
     spot, count = ndimage.label(touched, np.ones((3, 3)))
     if count == 0:
-        return np.full(pressure.shape, np.inf), inf, 0.0
+        return np.full(pressure.shape, np.inf), inf, 0.0, 0.0
     inside = np.full(touched.shape, 0.5 * n) if touched.all() else ndimage.distance_transform_edt(touched)
     of, p = spot[touched] - 1, pressure[touched]
     half_width, cells, force = np.zeros(count), np.bincount(of), np.bincount(of, p)
@@ -239,7 +240,7 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
     high = edge & (p > (force / cells)[of]) & ~flows
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))
     part = float(np.sum(share * singular / np.maximum(edges, 1.0)))
-    return np.append(np.inf, sizes)[spot], even, part
+    return np.append(np.inf, sizes)[spot], even, part, float(singular.sum() / max(edges.sum(), 1.0))
 
 
 def own_part(touched: Flags, of: Array, cells: Array) -> Floats:

@@ -111,7 +111,7 @@ def limit_of_meshes(
 
 
 def limit_of_area(
-    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], singular: Floats, judged: Flags
+    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], sharp: Floats, judged: Flags
 ) -> tuple[Floats, Floats]:
     """Area of contact at a force over the area on the finer of two meshes, and the relative error bar.
 
@@ -124,7 +124,7 @@ def limit_of_area(
     Args:
         areas, edges, chance: of the coarser and the finer mesh at the same forces: part in contact (n,); part of the
             facets that its edge crosses (n,); error of the area by the random place of the edge, relative (n,)
-        singular: see `shares`
+        sharp: part of the edges, by their lengths, that are sharp (n,), see `guide.spots_of`
         judged: rows that show the part
 
     Returns:
@@ -138,7 +138,7 @@ def limit_of_area(
     precision, shown = (averaged(weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
     place = EDGE * (1.0 + fine)
     part = shown / (precision + (2.0 / place) ** 2)
-    left = np.maximum(place + singular * (SHARP - place), 0.5 * np.abs(part))
+    left = np.maximum(place + sharp * (SHARP - place), 0.5 * np.abs(part))
     crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
     return np.maximum(1.0 + part * crossed, 0.0), np.hypot(chance[1], left * crossed)
 
