@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import types
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, median_filter
 
-from asperity.errors import CompatError, InputError
+from asperity.errors import InputError
 from asperity.model.material import Material
 from asperity.model.two_bodies import equivalent_block
 from asperity.surface import HeightMap, SelfAffine, Surface
@@ -21,136 +20,6 @@ from asperity.surface.scans import HeightField
 from asperity.surface.spectrum import fit_self_affine, psd
 
 L = 1e-6
-
-
-# ---------------------------------------------------------------------------------------- reading
-
-
-def test_npz_files_store_lengths_in_three_ways(tmp_path: Path) -> None:
-    z, path = np.random.default_rng(0).normal(size=(9, 11)), tmp_path / "a.npz"
-    for lengths in ({"L": [20.0, 16.0]}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
-        np.savez(path, z=z, **lengths)
-        read = HeightField.read(path)
-        assert (read.dx, read.dy) == (2.0, 2.0)
-    np.savez(path, z=z, L=20.0)
-    with pytest.raises(InputError, match=r"11 x 9 heights on a side L would have different distances"):
-        HeightField.read(path)
-    turned = np.arange(9)[::-1] * 2.0  # rows from the top down, as of a picture
-    np.savez(path, z=z[::-1], x=np.arange(11) * 2.0, y=turned)
-    np.testing.assert_array_equal(HeightField.read(path).z, z)
-
-
-def test_a_rectangular_map_is_not_stretched_to_the_square_of_its_side(tmp_path: Path) -> None:
-    """64 x 32 heights on L = 0.63 um gave 6.31 uN for 4.09."""
-    z = 1e-9 * np.random.default_rng(0).normal(size=(32, 64))
-    np.save(tmp_path / "a.npy", z)
-    for make in (lambda: HeightMap(path=tmp_path / "a.npy", L=6.3e-7), lambda: HeightMap.of(z, 6.3e-7)):
-        with pytest.raises(InputError, match="64 x 32 heights on a side L would have different distances"):
-            make()
-    assert HeightField.read(tmp_path / "a.npy", pixel=1e-8).square().size == pytest.approx((3.1e-7, 3.1e-7))
-    both = HeightField.read(tmp_path / "a.npy", pixel=(1e-8, 2e-8))
-    assert (both.dx, both.dy) == (1e-8, 2e-8)
-    np.savez(tmp_path / "a.npz", z=z, dx=6.3e-7 / 63, dy=6.3e-7 / 31)
-    for surface in (HeightMap(path=tmp_path / "a.npz"), HeightMap.of(z, (6.3e-7, 6.3e-7))):
-        assert surface.L == pytest.approx(6.3e-7)
-    with pytest.raises(InputError, match="the patch must be square"):
-        HeightMap.of(z, (6.3e-7, 3.1e-7))
-
-
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.csv", "a.txt"])
-@pytest.mark.parametrize("content", [b"", b"no map", np.zeros((9, 9), dtype=complex), np.zeros(9), np.zeros((9, 9, 3))])
-def test_each_defect_of_a_map_is_one_sentence(tmp_path: Path, name: str, content: Any) -> None:
-    path = tmp_path / name
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    elif path.suffix == ".npz":
-        np.savez(path, z=content)
-    else:
-        with path.open("wb") as file:
-            np.save(file, content)
-    for read in (HeightField.read, lambda file: Surface.from_spec(kind="file", path=str(file), L=1.0)):
-        with pytest.raises(InputError, match=name) as caught:
-            read(path)
-        assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match=r"gone\.npz: there is no such file"):
-        HeightField.read(tmp_path / "gone.npz")
-
-
-def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
-    for name, kind in (("scan.sur", CompatError), ("scan.dat", InputError), ("scan.xyz", InputError)):
-        (tmp_path / name).write_bytes(b"x\0")
-        with pytest.raises(kind, match=r"no plain text.*pip install .asperity\[scan\]"):
-            HeightField.read(tmp_path / name)
-
-
-def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stand-in with the package's interface: first index x, micrometres, masked heights."""
-    heights = np.ma.masked_greater(np.arange(80.0).reshape(10, 8), 78.5)
-    channels: list[Any] = []
-    asked: list[int] = []
-
-    class Topography:
-        unit, pixel_size = "um", (0.5e-6, 1e-6)
-
-        def to_unit(self, unit: str) -> Topography:
-            assert unit == "m"
-            return self
-
-        def heights(self) -> Any:
-            return heights * 1e-6
-
-    def topography(channel_index: int, **sizes: Any) -> Topography:
-        asked.append(channel_index)
-        return Topography()
-
-    def name(*names: str) -> None:
-        channels[:] = [types.SimpleNamespace(name=n, index=i, dim=2, physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8))
-                       for i, n in enumerate(names)]  # fmt: skip
-        reader.default_channel = channels[0]
-
-    reader = types.SimpleNamespace(channels=channels, topography=topography)
-    package = types.ModuleType("SurfaceTopography")
-    package.open_topography = lambda path: reader  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "SurfaceTopography", package)
-    path = tmp_path / "scan.sur"
-    path.write_bytes(b"x")
-    name("Height")
-    read = HeightField.read(path)
-    assert read.z.shape == (8, 10) and (read.dx, read.dy) == (0.5e-6, 1e-6)
-    assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
-    assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
-    assert read.notes == () and read.channel == ""
-    (tmp_path / "scan.txt").write_text("Pixel size: 1 um")
-    np.testing.assert_array_equal(HeightField.read(tmp_path / "scan.txt", channel="1").z, read.z)
-
-    name("Amplitude", "Height", "Phase\n")
-    with pytest.raises(InputError, match="default channel 'Amplitude' may be no heights, as 'Height' may be: choose"):
-        HeightField.read(path)
-    reader.default_channel = channels[1]
-    listed = "1 'Amplitude', 2 'Height', 3 'Phase'"
-    for wanted, index, found in ((None, 1, "Height"), ("Phase", 2, "Phase"), ("1", 0, "Amplitude")):
-        read = HeightField.read(path, channel=wanted)
-        assert asked[-1] == index and read.channel == found
-        assert read.notes[0].startswith(f"channel {index + 1} {found!r} of {listed}")
-    with pytest.raises(InputError, match=f"no channel 'Retrace': choose a name or a number of {listed}"):
-        HeightField.read(path, channel="Retrace")
-
-    channels[1].physical_sizes = None
-    with pytest.raises(InputError, match="without lengths; give the distance"):
-        HeightField.read(path)
-    monkeypatch.setattr(Topography, "unit", None)
-    with pytest.raises(InputError, match="does not give the unit"):
-        HeightField.read(path, pixel=1e-6)
-    assert HeightField.read(path, pixel=(1e-6, 2e-6), unit="2").z[3, 5] == pytest.approx(2 * (5 * 8 + 3) * 1e-6)
-
-    def broken(error: Exception) -> Any:
-        raise error
-
-    for error in (IndexError("list index out of range"), AssertionError(), KeyError("z"), MemoryError(), TypeError()):
-        monkeypatch.setattr(reader, "topography", lambda error=error, **_: broken(error))
-        with pytest.raises(InputError, match="SurfaceTopography finds no height map in it"):
-            HeightField.read(path, unit="um", pixel=1e-6)
 
 
 # ---------------------------------------------------------------------------------------- treatment
