@@ -16,9 +16,9 @@ from conftest import call
 import asperity as asp
 from asperity.adaptive.estimate import estimate
 from asperity.case import Case
-from asperity.case.keys import input_reference
+from asperity.case.case_file import input_reference
 from asperity.cli.check import prepare
-from asperity.cli.init import SURFACES, starting_case
+from asperity.cli.init import SURFACES, commented, starting_case
 
 COMMENTED = re.compile(r"^# (\[\w+\]|\w+ = \S.*)$", re.MULTILINE)
 ADVICE = re.compile(r"^# (\w+) = +#", re.MULTILINE)  # a key without a plain default
@@ -42,7 +42,7 @@ def test_the_case_is_accepted_without_a_warning(kind: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("kind", SURFACES)
 def test_the_commented_defaults_are_the_defaults(kind: str, tmp_path: Path) -> None:
     """Every key of the schema is in the file; setting those that are commented out changes nothing."""
-    text = starting_case(kind)
+    text = commented(starting_case(kind))
     keys: dict[str, set[str]] = {"surface": {"kind"}}
     for place, key, *_ in input_reference():
         if not place.startswith("surface") or f"({kind})" in place:

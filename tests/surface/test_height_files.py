@@ -41,7 +41,7 @@ MATRIX = text(Z)
 def written(draw: st.DrawFn) -> tuple[str, bytes, dict[str, Any], int]:
     """Name, content and options of a file of Z in micrometres; one height may be missing."""
     kind, gap = draw(st.sampled_from(["arrays", "array", "matrix", "points"])), draw(st.integers(-1, Z.size - 1))
-    z, options = Z.copy(), {"unit": "um"}
+    z, options = Z.copy(), dict[str, Any](unit="um")
     z.ravel()[gap] = np.nan if gap >= 0 else z.ravel()[gap]
     pixel = draw(st.sampled_from([STEP * 1e-6, (STEP * 1e-6, STEP * 1e-6)]))
     if kind == "arrays":
@@ -55,7 +55,7 @@ def written(draw: st.DrawFn) -> tuple[str, bytes, dict[str, Any], int]:
         np.save(buffer, z)
         return "a.npy", buffer.getvalue(), options | {"pixel": pixel}, gap
 
-    marks = [*((s, ".") for s in ",;\t "), *((s, ",") for s in (";", "\t", "  "))]
+    marks: list[tuple[str, str]] = [*((s, ".") for s in ",;\t "), *((s, ",") for s in (";", "\t", "  "))]
     separator, decimal = draw(st.sampled_from(marks))
     if kind == "matrix":
         options["pixel"] = pixel

@@ -16,7 +16,7 @@ KEYS: dict[str, Any] = dict(L=2.0, H=0.7, slope=0.3, lambda_roll=0.8, lambda_sho
 
 
 def make(**changes: Any) -> SelfAffine:
-    return SelfAffine(**{**KEYS, **changes})
+    return SelfAffine(**{name: value for name, value in {**KEYS, **changes}.items() if value is not None})
 
 
 def waves(surface: SelfAffine) -> tuple[np.ndarray, ...]:

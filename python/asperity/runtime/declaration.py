@@ -13,7 +13,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, fields
+from dataclasses import field
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
@@ -125,15 +125,12 @@ def declared(section: str, *, eq: bool = True, kw_only: bool = False) -> Callabl
                 setattr(cls, name, info.default)
         cls.__annotations__ = annotations
         made: Any = dataclass(frozen=True, eq=eq, repr=False, kw_only=kw_only, config=_CONFIG)(cls)
-        construct, left_out = made.__init__, {f.name for f in fields(made) if f.default is None}
+        construct = made.__init__
 
         @wraps(construct)
         def init(self: T, /, *args: Any, **given: Any) -> None:
             try:
-                told = {
-                    name: plain(value) for name, value in given.items() if value is not None or name not in left_out
-                }
-                construct(self, *map(plain, args), **told)
+                construct(self, *map(plain, args), **{name: plain(value) for name, value in given.items()})
             except ValidationError as error:
                 raise InputError(_sentence(error, made)) from None
 

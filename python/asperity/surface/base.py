@@ -99,7 +99,7 @@ class Surface(ABC):
 
         Args:
             kind: name of the kind, for example "weierstrass-mandelbrot"
-            parameters: the keys of that kind
+            parameters: the keys of that kind; None leaves one out
 
         Raises:
             InputError: unknown kind or key (the message suggests the closest legal name), missing key, or
@@ -107,7 +107,7 @@ class Surface(ABC):
         """
         cls: Any = surface_kind(kind)
         names = {info.serialization_alias: name for name, info in cls.__pydantic_fields__.items()}
-        surface: Surface = cls(**{names.get(name, name): value for name, value in parameters.items()})
+        surface: Surface = cls(**{names.get(name, name): v for name, v in parameters.items() if v is not None})
         return surface
 
     @abstractmethod

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import InstanceOf, PlainSerializer, WithJsonSchema
+from pydantic import PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.declaration import LENGTH, argument, declared, key
+from asperity.runtime.declaration import LENGTH, SCRIPT, declared, key
 from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Side, light_depth, short_wave_share
 from asperity.surface.height_files import ARRAYS, EXACT, TEXT
@@ -71,7 +71,7 @@ class HeightMap(SplineSurface):
         "side of the square patch", LENGTH, default=None, shown="that of the file, required where it has none"
     )
 
-    field: Annotated[InstanceOf[HeightField], *argument("a HeightField")] = dataclass_field(default=None, repr=False)
+    field: Annotated[Any, *SCRIPT] = dataclass_field(default=None, repr=False)  # the HeightField
 
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
@@ -105,7 +105,8 @@ class HeightMap(SplineSurface):
     @property
     def heights(self) -> Array:
         """Heights of the map (ny, nx), index [iy, ix] (length)."""
-        return self.field.z
+        z: Array = self.field.z
+        return z
 
     @property
     def notes(self) -> tuple[str, ...]:
