@@ -92,6 +92,7 @@ def test_examples_are_those_of_the_pages(
     assert init("joint.toml", "--example", "joint") == 0
     demo = Path(asp.__file__).parent.parent.parent / "cases/demo.toml"
     assert Path("case.toml").read_text() == demo.read_text()
+    assert init("tip.toml", "--example", "tip") == 0 and Case.load("tip.toml").tool is not None
     joint, given = Case.load("joint.toml"), tmp_path / "given.toml"
     assert init(given, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6", "--slope", "0.1") == 0
     assert joint == Case.load(given)

@@ -212,13 +212,20 @@ def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypat
             HeightField.read(tmp_path / name)
 
 
-def test_surfacetopography_reads_headers(tmp_path: Path) -> None:
-    """A conversion factor, and the distances of an ASCII export, beside what the file says."""
-    pytest.importorskip("SurfaceTopography")
-    (tmp_path / "a.txt").write_text(f"# Channel: Z\n# Width: 6 µm\n# Height: 5 µm\n# Value units: nm\n{text(Z, ' ')}")
-    read = HeightField.read(tmp_path / "a.txt", channel="1")
-    assert (read.dx, read.dy) == pytest.approx((0.5e-6, 0.5e-6))
-    np.testing.assert_allclose(read.z, 1e-9 * Z, atol=1e-18)
+@pytest.mark.parametrize("name", ["a.nc", "a.x3p", "a.gwy", "a.txt"])
+def test_surfacetopography_reads_what_it_has_written(tmp_path: Path, name: str) -> None:
+    """Files of instruments, and the header of an ASCII export, with a conversion factor and distances."""
+    package, path = pytest.importorskip("SurfaceTopography"), tmp_path / name
+    map_of_x = package.Topography(Z.T, (NX * STEP, NY * STEP), unit="um")
+    header = "# Channel: Z\n# Width: 6 µm\n# Height: 5 µm\n# Value units: µm\n"
+    writers = {".nc": "to_netcdf", ".x3p": "to_x3p", ".gwy": "to_gwy"}
+    if path.suffix in writers:
+        getattr(map_of_x, writers[path.suffix])(str(path))
+    else:
+        path.write_text(header + text(Z, " "))
+    read = HeightField.read(path, channel="1")
+    assert (read.dx, read.dy) == pytest.approx((1e-6 * STEP, 1e-6 * STEP))
+    np.testing.assert_allclose(read.z, 1e-6 * Z, atol=1e-15)
 
 
 def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
