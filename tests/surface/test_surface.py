@@ -179,6 +179,10 @@ def test_closed_forms_of_maximum_statistics_and_mean():
     for name in ("sphere and cone", "double sinusoid"):
         found = Surface.maximum(SURFACES[name])
         assert found[2] == pytest.approx(SURFACES[name].maximum()[2], abs=1e-15)
+    x, y = np.random.default_rng(2).uniform(0, 1, (2, 50))
+    k, double = 2 * np.pi / 0.4, SURFACES["double sinusoid"].height(x, y)
+    np.testing.assert_allclose(double, 0.01 * np.cos(k * (x - 0.1)) * np.cos(k * (y - 0.7)), atol=1e-15)
+    np.testing.assert_allclose(SURFACES["sinusoid"].height(x, y), 0.01 * np.cos(k * (x - 0.1)), atol=1e-15)
     stats = Sinusoid(L=1.0, amplitude=0.01).statistics(513)
     assert stats.Sq == pytest.approx(0.01 / np.sqrt(2), rel=4e-3)
     assert stats.Sz == pytest.approx(0.02, rel=1e-12)
