@@ -38,7 +38,7 @@ from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.newton import ROUNDING
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.compiled import solver as _solver
-from asperity.surface.shapes import Sinusoid
+from asperity.surface import Sinusoid
 from asperity.vibration import ContactOscillator, CurveLaw
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells

@@ -21,7 +21,7 @@ def readme() -> str:
 
 def keys() -> str:
     """A table for each section of the case file."""
-    from asperity.case.keys import input_reference
+    from asperity.case.case_file import input_reference
 
     tables: dict[str, list[str]] = {}
     for section, key, default, legal, unit, meaning in input_reference():

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
-from asperity.case.keys import input_reference
+from asperity.case.case_file import input_reference
 from asperity.case.tables import GONE, SECTIONS
 from asperity.errors import InputError
 from asperity.model.problem import Problem

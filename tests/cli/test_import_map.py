@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import call
+from conftest import call, files
 
 from asperity.case import Case
 from asperity.errors import InputError
@@ -20,11 +20,9 @@ SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-
 
 
 @pytest.fixture(autouse=True)
-def without_the_rest(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures, which tests/test_interactive.py makes, and the estimate of the cost, where no test is about it."""
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """tests/test_interactive.py makes them."""
     monkeypatch.setattr("asperity.cli.import_map._draw", lambda *_: None)
-    if "coarse_guide" not in request.fixturenames:
-        monkeypatch.setattr("asperity.cli.import_map._cost", lambda *_: "")
 
 
 def import_map(*arguments: Any) -> int:
@@ -106,38 +104,31 @@ def test_odd_maps_give_a_result(
     assert np.isfinite([*surface.maximum(), *surface.grid(5).ravel()]).all()
 
 
-@pytest.mark.parametrize(
-    ("z", "given", "words"),
-    [
-        (np.full((50, 50), 3e-9), {}, "the map is flat"),
-        (np.add.outer(np.arange(50.0), np.arange(50.0)) * 1e-10, {}, "the map is flat"),
-        (SCAN[:1], {"dx": 1e-9}, "at least 4 heights"),
-        (np.zeros((20, 20, 3)), {}, "are no map"),
-        (np.full((50, 50), np.nan), {}, "missing"),
-        (islands(0.5), {}, "missing"),
-        (1e6 * SCAN, {}, "not plausible: give all lengths in one unit"),
-        (1e300 * SCAN, {}, "not plausible: give all lengths in one unit"),
-        (np.full((20, 20), "x"), {}, "cannot be read"),
-        (SCAN, {"L": -1.0}, "give a positive length"),
-        (SCAN, {"L": 0.0}, "give a positive length"),
-        (SCAN, {"L": "long"}, "cannot be read"),
-        (SCAN, {"dx": np.nan}, "give a positive length"),
-        (SCAN, ("--cutoff", "1e-3"), "cutoff = 0.001 must lie between two pixels"),
-        (SCAN, ("--cutoff", "nan"), "cutoff"),
-        (SCAN, ("--window", "0", "0", "1"), "not inside"),
-        (SCAN, ("--window", "0", "nan", "1e-7"), "not inside"),
-        (SCAN, ("--pixel", "0"), "--pixel"),
-        (SCAN, ("--pixel", "-1"), "--pixel"),
-    ],
-)
-def test_bad_maps_and_options_are_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], z: np.ndarray, given: Any, words: str
+BAD: list[tuple[Any, dict[str, Any], tuple[str, ...]]] = [
+    (np.full((50, 50), 3e-9), {}, ()),
+    (np.add.outer(np.arange(50.0), np.arange(50.0)) * 1e-10, {}, ()),
+    *((z, {"dx": 2e-9}, ()) for z in (SCAN[:1], np.zeros((20, 20, 3)), np.full((50, 50), np.nan), islands(0.5))),
+    *((factor * SCAN, {}, ()) for factor in (1e6, 1e300)),
+    (np.full((20, 20), "x"), {}, ()),
+    *((SCAN, {"L": side}, ()) for side in (-1.0, 0.0, "long", np.nan)),
+    *((SCAN, {}, ("--cutoff", length)) for length in ("1e-3", "nan", "1nm")),
+    *((SCAN, {}, ("--window", *corner)) for corner in (("0", "0", "1"), ("0", "nan", "1e-7"), ("0", "0", "1nm"))),
+    *((SCAN, {}, ("--pixel", length)) for length in ("0", "-1", "1um", "1,2,3", "one")),
+    *((SCAN, {}, options) for options in (("--unit", "inch"), ("--unit", "-1"), ("--channel", "1"), ("--array", "q"))),
+]
+
+
+@pytest.mark.parametrize("bad", BAD, ids=range(len(BAD)))
+def test_bad_maps_and_options_are_one_sentence_that_names_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bad: Any
 ) -> None:
-    """Lengths of the file, or options of the command."""
-    options, lengths = (given, {}) if isinstance(given, tuple) else ((), given)
+    """The map, or the option and its value."""
+    z, lengths, options = bad
     assert import_map(write(tmp_path, z, **lengths), "-o", tmp_path / "out", *options) == 2
     error = capsys.readouterr().err
-    assert words in error and len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
+    assert len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
+    words = (options[0], options[0].lstrip("-")) if options else ("scan.npz", "the map", "heights")
+    assert any(word in error for word in words)
 
 
 def test_a_spike_is_doubted_and_filled_where_it_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,23 +175,11 @@ def test_a_length_without_unit_beside_another_unit_is_refused(
 ) -> None:
     """It may be meant in either; the factor of a million between them is the mistake of a map of 250 m."""
     np.save(tmp_path / "map.npy", np.random.default_rng(3).normal(size=(9, 9)))
-    for given in (
-        ["--pixel", "31.25"],
-        ["--pixel", "31.25um", "--cutoff", "80"],
-        ["--pixel", "1um", "--window", *"017"],
-    ):
-        assert import_map(tmp_path / "map.npy", *given, "--unit", "um", "-o", tmp_path / "out") == 2
+    with_unit = (tmp_path / "map.npy", "--unit", "um", "-o", tmp_path / "out", "--pixel")
+    for given in (["31.25"], ["31.25um", "--cutoff", "80"], ["1um", "--window", *"017"]):
+        assert import_map(*with_unit, *given) == 2
         assert "has no unit beside --unit um; write" in capsys.readouterr().err
-    assert import_map(tmp_path / "map.npy", "--pixel", "31.25um", "--unit", "um", "-o", tmp_path / "out") == 0
-
-
-@pytest.mark.usefixtures("coarse_guide")
-def test_a_map_of_which_no_case_can_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Not a case file that does not exist."""
-    np.save(tmp_path / "map.npy", np.random.default_rng(3).normal(size=(9, 9)))
-    assert import_map(tmp_path / "map.npy", "--pixel", "31.25m", "--unit", "um", "-o", tmp_path / "out") == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith(f"error: {tmp_path}/map.npy makes no case") and "case.toml" not in error
+    assert import_map(*with_unit, "31.25um") == 0
 
 
 def test_of_a_huge_map_a_window_is_cut(
@@ -216,22 +195,21 @@ def test_of_a_huge_map_a_window_is_cut(
         HeightMap(path=scan)
 
 
-@pytest.mark.usefixtures("coarse_guide")
 def test_a_refused_map_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The case is judged last, when patch and pictures are there already; an earlier result stays as it is."""
+    """Also where it fails last, when patch and case are there already; an earlier result stays as it is."""
     scan, out = write(tmp_path, SCAN), tmp_path / "out"
 
-    def refuse(case: Any, surface: Any = None) -> None:
-        raise InputError(f"{case.surface.path}: its first mesh is too large")
+    def refuse(*_: Any) -> None:
+        raise InputError("no picture")
 
-    with monkeypatch.context() as patch:
-        patch.setattr("asperity.adaptive.estimate.estimate", refuse)
-        assert import_map(scan, "-o", out) == 2
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["scan.npz"]
-        assert f"{out}/patch.npz: its first mesh is too large" in capsys.readouterr().err
     assert import_map(scan, "-o", out) == 0
+    before = files(out)
+    monkeypatch.setattr("asperity.cli.import_map._draw", refuse)
+    for folder in (out, tmp_path / "new"):
+        assert import_map(scan, "-o", folder, "--cutoff", "0.1um") == 2 and "no picture" in capsys.readouterr().err
+    assert files(out) == before and sorted(path.name for path in tmp_path.iterdir()) == ["out", "scan.npz"]
 
 
 # ---------------------------------------------------------------------------------------- advice
@@ -267,13 +245,6 @@ def surfaces_without_spikes() -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("name", surfaces_without_spikes())
 def test_other_surfaces_have_no_spikes(name: str) -> None:
     assert not HeightField(surfaces_without_spikes()[name], 1.0, 1.0).spikes().any()
-
-
-@pytest.fixture
-def coarse_guide(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The estimate on a coarse half-space with few dofs, where its numbers do not count."""
-    monkeypatch.setattr("asperity.adaptive.estimate.MOST_DOFS", 200_000)
-    monkeypatch.setattr("asperity.adaptive.guide.CELLS", (128, 180))
 
 
 @pytest.mark.parametrize("feed", [9e-6, 22e-6])

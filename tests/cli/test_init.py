@@ -16,9 +16,9 @@ from conftest import call
 import asperity as asp
 from asperity.adaptive.estimate import estimate
 from asperity.case import Case
-from asperity.case.keys import input_reference
+from asperity.case.case_file import input_reference
 from asperity.cli.check import prepare
-from asperity.cli.init import SURFACES, starting_case
+from asperity.cli.init import SURFACES, commented, starting_case
 
 COMMENTED = re.compile(r"^# (\[\w+\]|\w+ = \S.*)$", re.MULTILINE)
 ADVICE = re.compile(r"^# (\w+) = +#", re.MULTILINE)  # a key without a plain default
@@ -42,7 +42,7 @@ def test_the_case_is_accepted_without_a_warning(kind: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("kind", SURFACES)
 def test_the_commented_defaults_are_the_defaults(kind: str, tmp_path: Path) -> None:
     """Every key of the schema is in the file; setting those that are commented out changes nothing."""
-    text = starting_case(kind)
+    text = commented(starting_case(kind))
     keys: dict[str, set[str]] = {"surface": {"kind"}}
     for place, key, *_ in input_reference():
         if not place.startswith("surface") or f"({kind})" in place:
@@ -92,6 +92,7 @@ def test_examples_are_those_of_the_pages(
     assert init("joint.toml", "--example", "joint") == 0
     demo = Path(asp.__file__).parent.parent.parent / "cases/demo.toml"
     assert Path("case.toml").read_text() == demo.read_text()
+    assert init("tip.toml", "--example", "tip") == 0 and Case.load("tip.toml").tool is not None
     joint, given = Case.load("joint.toml"), tmp_path / "given.toml"
     assert init(given, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6", "--slope", "0.1") == 0
     assert joint == Case.load(given)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
-import types
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,145 +13,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, median_filter
 
-from asperity.errors import CompatError, InputError
+from asperity.errors import InputError
 from asperity.model.material import Material
 from asperity.model.two_bodies import equivalent_block
-from asperity.surface import HeightMap, SelfAffine, Surface
+from asperity.surface import SelfAffine, Surface
 from asperity.surface.scans import HeightField
-from asperity.surface.spectrum import fit_self_affine, psd
-
-L = 1e-6
-
-
-# ---------------------------------------------------------------------------------------- reading
-
-
-def test_npz_files_store_lengths_in_three_ways(tmp_path: Path) -> None:
-    z, path = np.random.default_rng(0).normal(size=(9, 11)), tmp_path / "a.npz"
-    for lengths in ({"L": [20.0, 16.0]}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
-        np.savez(path, z=z, **lengths)
-        read = HeightField.read(path)
-        assert (read.dx, read.dy) == (2.0, 2.0)
-    np.savez(path, z=z, L=20.0)
-    with pytest.raises(InputError, match=r"11 x 9 heights on a side L would have different distances"):
-        HeightField.read(path)
-    turned = np.arange(9)[::-1] * 2.0  # rows from the top down, as of a picture
-    np.savez(path, z=z[::-1], x=np.arange(11) * 2.0, y=turned)
-    np.testing.assert_array_equal(HeightField.read(path).z, z)
-
-
-def test_a_rectangular_map_is_not_stretched_to_the_square_of_its_side(tmp_path: Path) -> None:
-    """64 x 32 heights on L = 0.63 um gave 6.31 uN for 4.09."""
-    z = 1e-9 * np.random.default_rng(0).normal(size=(32, 64))
-    np.save(tmp_path / "a.npy", z)
-    for make in (lambda: HeightMap(path=tmp_path / "a.npy", L=6.3e-7), lambda: HeightMap.of(z, 6.3e-7)):
-        with pytest.raises(InputError, match="64 x 32 heights on a side L would have different distances"):
-            make()
-    assert HeightField.read(tmp_path / "a.npy", pixel=1e-8).square().size == pytest.approx((3.1e-7, 3.1e-7))
-    both = HeightField.read(tmp_path / "a.npy", pixel=(1e-8, 2e-8))
-    assert (both.dx, both.dy) == (1e-8, 2e-8)
-    np.savez(tmp_path / "a.npz", z=z, dx=6.3e-7 / 63, dy=6.3e-7 / 31)
-    for surface in (HeightMap(path=tmp_path / "a.npz"), HeightMap.of(z, (6.3e-7, 6.3e-7))):
-        assert surface.L == pytest.approx(6.3e-7)
-    with pytest.raises(InputError, match="the patch must be square"):
-        HeightMap.of(z, (6.3e-7, 3.1e-7))
-
-
-@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.csv", "a.txt"])
-@pytest.mark.parametrize("content", [b"", b"no map", np.zeros((9, 9), dtype=complex), np.zeros(9), np.zeros((9, 9, 3))])
-def test_each_defect_of_a_map_is_one_sentence(tmp_path: Path, name: str, content: Any) -> None:
-    path = tmp_path / name
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    elif path.suffix == ".npz":
-        np.savez(path, z=content)
-    else:
-        with path.open("wb") as file:
-            np.save(file, content)
-    for read in (HeightField.read, lambda file: Surface.from_spec(kind="file", path=str(file), L=1.0)):
-        with pytest.raises(InputError, match=name) as caught:
-            read(path)
-        assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match=r"gone\.npz: there is no such file"):
-        HeightField.read(tmp_path / "gone.npz")
-
-
-def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
-    for name, kind in (("scan.sur", CompatError), ("scan.dat", InputError), ("scan.xyz", InputError)):
-        (tmp_path / name).write_bytes(b"x\0")
-        with pytest.raises(kind, match=r"no plain text.*pip install .asperity\[scan\]"):
-            HeightField.read(tmp_path / name)
-
-
-def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stand-in with the package's interface: first index x, micrometres, masked heights."""
-    heights = np.ma.masked_greater(np.arange(80.0).reshape(10, 8), 78.5)
-    channels: list[Any] = []
-    asked: list[int] = []
-
-    class Topography:
-        unit, pixel_size = "um", (0.5e-6, 1e-6)
-
-        def to_unit(self, unit: str) -> Topography:
-            assert unit == "m"
-            return self
-
-        def heights(self) -> Any:
-            return heights * 1e-6
-
-    def topography(channel_index: int, **sizes: Any) -> Topography:
-        asked.append(channel_index)
-        return Topography()
-
-    def name(*names: str) -> None:
-        channels[:] = [types.SimpleNamespace(name=n, index=i, dim=2, physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8))
-                       for i, n in enumerate(names)]  # fmt: skip
-        reader.default_channel = channels[0]
-
-    reader = types.SimpleNamespace(channels=channels, topography=topography)
-    package = types.ModuleType("SurfaceTopography")
-    package.open_topography = lambda path: reader  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "SurfaceTopography", package)
-    path = tmp_path / "scan.sur"
-    path.write_bytes(b"x")
-    name("Height")
-    read = HeightField.read(path)
-    assert read.z.shape == (8, 10) and (read.dx, read.dy) == (0.5e-6, 1e-6)
-    assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
-    assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
-    assert read.notes == () and read.channel == ""
-    (tmp_path / "scan.txt").write_text("Pixel size: 1 um")
-    np.testing.assert_array_equal(HeightField.read(tmp_path / "scan.txt", channel="1").z, read.z)
-
-    name("Amplitude", "Height", "Phase\n")
-    with pytest.raises(InputError, match="default channel 'Amplitude' may be no heights, as 'Height' may be: choose"):
-        HeightField.read(path)
-    reader.default_channel = channels[1]
-    listed = "1 'Amplitude', 2 'Height', 3 'Phase'"
-    for wanted, index, found in ((None, 1, "Height"), ("Phase", 2, "Phase"), ("1", 0, "Amplitude")):
-        read = HeightField.read(path, channel=wanted)
-        assert asked[-1] == index and read.channel == found
-        assert read.notes[0].startswith(f"channel {index + 1} {found!r} of {listed}")
-    with pytest.raises(InputError, match=f"no channel 'Retrace': choose a name or a number of {listed}"):
-        HeightField.read(path, channel="Retrace")
-
-    channels[1].physical_sizes = None
-    with pytest.raises(InputError, match="without lengths; give the distance"):
-        HeightField.read(path)
-    monkeypatch.setattr(Topography, "unit", None)
-    with pytest.raises(InputError, match="does not give the unit"):
-        HeightField.read(path, pixel=1e-6)
-    assert HeightField.read(path, pixel=(1e-6, 2e-6), unit="2").z[3, 5] == pytest.approx(2 * (5 * 8 + 3) * 1e-6)
-
-    def broken(error: Exception) -> Any:
-        raise error
-
-    for error in (IndexError("list index out of range"), AssertionError(), KeyError("z"), MemoryError(), TypeError()):
-        monkeypatch.setattr(reader, "topography", lambda error=error, **_: broken(error))
-        with pytest.raises(InputError, match="SurfaceTopography finds no height map in it"):
-            HeightField.read(path, unit="um", pixel=1e-6)
-
+from asperity.surface.spectrum import SelfAffineFit, fit_self_affine, psd
 
 # ---------------------------------------------------------------------------------------- treatment
 
@@ -255,99 +122,64 @@ def test_parameters_of_iso_25178_have_closed_forms_for_waves(monkeypatch: pytest
 # ---------------------------------------------------------------------------------------- H and roll-off
 
 
-@pytest.mark.parametrize("H", [0.3, 0.8, 1.0])
-@pytest.mark.parametrize("lambda_roll", [0.2, 0.05])
+def fitted(n: int, **changes: Any) -> SelfAffineFit:
+    """Exponent and roll-off of a levelled map of n + 1 heights a side, a window of a self-affine surface."""
+    keys = {"L": 1.0, "slope": 0.2, "lambda_short": 0.012, "periodic": False} | changes
+    patch = HeightField(SelfAffine(**keys).grid(n + 1), 1 / n, 1 / n).levelled("plane")
+    return fit_self_affine(psd(patch.z, 1.0), shortest=4 / n)
+
+
+@pytest.mark.parametrize("H", [0.3, 0.5, 0.9])
+@pytest.mark.parametrize("lambda_roll", [2.0, 0.2, 0.05])
 def test_the_spectrum_gives_hurst_exponent_and_roll_off(H: float, lambda_roll: float) -> None:
-    for seed in range(2):
-        surface = SelfAffine(
-            L=1.0, H=H, rms_height=0.01, lambda_roll=lambda_roll, lambda_short=0.008, periodic=False, seed=seed
-        )
-        fit = fit_self_affine(surface.psd(1024), shortest=4 / 1024)
-        assert fit.H == pytest.approx(H, abs=0.13) and fit.error_H < 0.2
-        assert fit.lambda_roll == pytest.approx(lambda_roll, rel=0.35)
-        assert 0.008 < fit.lambda_short < 0.012  # the end of the spectrum is seen
-
-
-@pytest.mark.parametrize("H", [0.5, 0.9])
-def test_long_roll_offs_are_told_from_none(H: float) -> None:
-    """Three rings of waves only are longer than a roll-off at a fifth of the patch; the map is levelled."""
-    found: dict[float, list[float | None]] = {}
-    off, bars = [], []
-    for lambda_roll in (2.0, 0.2):
-        for seed in range(4):
-            surface = SelfAffine(
-                L=1.0, H=H, slope=0.2, lambda_roll=lambda_roll, lambda_short=0.012, periodic=False, seed=seed
-            )
-            patch = HeightField(surface.grid(513), 1 / 512, 1 / 512).levelled("plane")
-            fit = fit_self_affine(psd(patch.z, 1.0), shortest=4 / 512)
-            assert fit.H == pytest.approx(H, abs=0.12)
-            off.append(fit.H - H)
-            bars.append(fit.error_H)
-            q = 2 * math.pi / np.array([fit.lambda_long, fit.lambda_short])
-            assert fit.lambda_roll or fit.density(q)[0] == pytest.approx(fit.C0)
-            found.setdefault(lambda_roll, []).append(fit.lambda_roll)
-    assert np.sqrt(np.mean(np.square(off))) < 0.07 and np.all(np.abs(off) < bars)
-    assert found[2.0] == [None] * 4
-    seen = [roll for roll in found[0.2] if roll is not None]
-    assert len(seen) >= 3 and np.median(seen) == pytest.approx(0.2, rel=0.2)
-    assert seen == pytest.approx([0.2] * len(seen), rel=0.4)
+    """A roll-off at a fifth of the patch, beyond which three rings of waves only are longer, is told from none."""
+    fits = [fitted(512, H=H, lambda_roll=lambda_roll, seed=seed) for seed in range(4)]
+    off, bars = (np.array([getattr(fit, name) for fit in fits]) for name in ("H", "error_H"))
+    assert np.sqrt(np.mean((off - H) ** 2)) < 0.1 and np.all(np.abs(off - H) < bars) and bars.max() < 0.35
+    for fit in fits:
+        assert 0.012 < fit.lambda_short < 0.018  # the end of the spectrum is seen
+        q = 2 * math.pi / np.array([fit.lambda_long, fit.lambda_short])
+        assert fit.lambda_roll or fit.density(q)[0] == pytest.approx(fit.C0)
+    seen = [fit.lambda_roll for fit in fits if fit.lambda_roll is not None]
+    assert len(seen) == 0 if lambda_roll > 1.0 else len(seen) >= 3
+    assert seen == pytest.approx([lambda_roll] * len(seen), rel=0.4)
 
 
 def test_the_bar_of_the_exponent_holds_it_on_small_maps_of_any_roll_off_and_cut_off() -> None:
     """The scatter of the bands alone holds 83 % here: which roll-off it is decides the exponent."""
     inside = []
-    for H in (0.3, 0.6, 0.9):
-        for lambda_roll in (2.0, 0.4, 0.2):
-            for pixels in (4.5, 12):
-                for seed in range(2):
-                    made = SelfAffine(
-                        L=1.0, H=H, slope=0.2, lambda_roll=lambda_roll, lambda_short=pixels / 128, periodic=False,
-                        seed=seed,
-                    )  # fmt: skip
-                    patch = HeightField(made.grid(129), 1 / 128, 1 / 128).levelled("plane")
-                    with suppress(InputError):  # known to less than 0.5
-                        fit = fit_self_affine(psd(patch.z, 1.0), shortest=4 / 128)
-                        inside.append(abs(fit.H - H) < fit.error_H)
+    for H, lambda_roll, pixels, seed in itertools.product((0.3, 0.6, 0.9), (2.0, 0.4, 0.2), (4.5, 12), range(2)):
+        with suppress(InputError):  # known to less than 0.5
+            fit = fitted(128, H=H, lambda_roll=lambda_roll, lambda_short=pixels / 128, seed=seed)
+            inside.append(abs(fit.H - H) < fit.error_H)
     assert len(inside) >= 24 and np.mean(inside) >= 0.9
+    with pytest.raises(InputError, match="too few waves"):  # and not another spectrum
+        fitted(32, H=0.6, lambda_roll=2.0, lambda_short=5 / 32, seed=0)
 
 
-def test_a_small_map_of_a_power_law_is_not_called_another_spectrum() -> None:
-    made = SelfAffine(L=1.0, H=0.6, slope=0.2, lambda_roll=2.0, lambda_short=5 / 32, periodic=False, seed=0)
-    with pytest.raises(InputError, match="too few waves"):
-        fit_self_affine(psd(HeightField(made.grid(33), 1 / 32, 1 / 32).levelled("plane").z, 1.0), shortest=4 / 32)
-
-
-@pytest.mark.parametrize("kind", ["sine", "saw", "squares", "egg box", "turned", "steps"])
-def test_grooves_and_patterns_have_no_hurst_exponent(kind: str) -> None:
+def without_an_exponent() -> dict[str, tuple[np.ndarray, str]]:
+    """Grooves, patterns and treated maps, and why they have none; treated, H would be up to 1 off within 0.1 to 0.3."""
     x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, 257)])
     phase = (13.3 * x) % 1.0
-    z = {
-        "sine": np.sin(2 * np.pi * 13.3 * x), "saw": phase, "squares": (phase < 0.5) * 1.0,
-        "egg box": np.sin(22 * np.pi * x) * np.sin(22 * np.pi * y), "turned": ((9 * x + 4 * y) % 1.0 - 0.5) ** 2,
-        "steps": np.rint(20 * (x + 0.3 * y)),
-    }[kind]  # fmt: skip
-    patch = HeightField(z, 1 / 256, 1 / 256).levelled("plane")
-    with pytest.raises(InputError, match="far from a power law"):
-        fit_self_affine(psd(patch.z, 1.0), shortest=4 / 256)
-
-
-@pytest.mark.parametrize("treated", ["smoothed", "median", "noisy", "in steps"])
-def test_a_treated_map_has_no_exponent_of_its_short_waves(treated: str) -> None:
-    """Without the question whether the spectrum bends these have exponents up to 1 off, with bars of 0.1 to 0.3."""
     z = SelfAffine(L=1.0, H=0.8, slope=0.2, lambda_roll=2.0, lambda_short=4 / 256, periodic=False, seed=3).grid(257)
-    step = float(np.ptp(z)) / 16
-    z = {
-        "smoothed": gaussian_filter(z, 1.0), "median": median_filter(z, 5), "in steps": step * np.rint(z / step),
-        "noisy": z + 0.1 * z.std() * np.random.default_rng(0).normal(size=z.shape),
-    }[treated]  # fmt: skip
+    step, noise = float(np.ptp(z)) / 16, np.random.default_rng(0).normal(size=z.shape)
+    far, bends = "far from a power law", "the spectrum bends"
+    return {
+        "sine": (np.sin(2 * np.pi * 13.3 * x), far), "saw": (phase, far), "squares": ((phase < 0.5) * 1.0, far),
+        "egg box": (np.sin(22 * np.pi * x) * np.sin(22 * np.pi * y), far),
+        "turned": (((9 * x + 4 * y) % 1.0 - 0.5) ** 2, far), "steps": (np.rint(20 * (x + 0.3 * y)), far),
+        "smoothed": (gaussian_filter(z, 1.0), bends), "median": (median_filter(z, 5), bends),
+        "in steps": (step * np.rint(z / step), bends), "noisy": (z + 0.1 * z.std() * noise, bends),
+        "nothing": (0.0 * z, "0 bands"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", without_an_exponent())
+def test_patterns_and_treated_maps_have_no_hurst_exponent(kind: str) -> None:
+    z, why = without_an_exponent()[kind]
     patch = HeightField(z, 1 / 256, 1 / 256).levelled("plane")
-    with pytest.raises(InputError, match="the spectrum bends"):
+    with pytest.raises(InputError, match=why):
         fit_self_affine(psd(patch.z, 257 / 256), shortest=4 / 256)
-
-
-def test_a_patch_without_waves_has_no_hurst_exponent() -> None:
-    with pytest.raises(InputError, match="0 bands"):
-        fit_self_affine(HeightMap.of(np.zeros((64, 64)), 1.0).psd(64), shortest=1.0)
 
 
 # ---------------------------------------------------------------------------------------- two bodies

@@ -1,10 +1,11 @@
-"""Surfaces against published numbers, closed forms and independent quadrature."""
+"""All kinds of surfaces against closed forms, differences and quadrature; maps against the function they sample."""
 
 from __future__ import annotations
 
 import itertools
 import math
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asperity.errors import InputError
+from asperity.runtime.declaration import keys
 from asperity.surface import (
     Cone,
     Flat,
@@ -25,6 +27,7 @@ from asperity.surface import (
     composite,
     cut_off_index,
 )
+from asperity.surface.base import surface_kind, surface_kinds
 
 L = 1e-6
 EPS = np.finfo(float).eps
@@ -35,17 +38,12 @@ def fractal(**options: object) -> WeierstrassMandelbrot:
     return WeierstrassMandelbrot(**{"L": L, "D": 2.4, "G": 1.36e-11, **options})  # type: ignore[arg-type]
 
 
-def equation_1(surface: WeierstrassMandelbrot, x: float, y: float) -> float:
-    """Evaluate the defining double sum term by term in polar coordinates."""
-    s, total = surface, 0.0
-    assert s.f_max is not None and s.phases is not None
-    r, angle = np.hypot(x, y), np.arctan2(y, x)
-    for mu in range(0 if s.ridges == "0..M" else 1, s.M + 1):
-        for f in range(s.f_max + 1):
-            phi = s.phases[mu, f]
-            theta = 2 * np.pi * s.gamma**f * r / s.L * np.cos(angle - np.pi * mu / s.M) + phi
-            total += s.gamma ** (f * (s.D - 3)) * (np.cos(phi) - np.cos(theta))
-    return float(s.L * (s.G / s.L) ** (s.D - 2) * np.sqrt(np.log(s.gamma) / s.M) * total)
+def affine(**options: object) -> SelfAffine:
+    return SelfAffine(**{"L": 2.0, "H": 0.7, "slope": 0.3, "lambda_roll": 0.8, "lambda_short": 0.1, **options})  # type: ignore[arg-type]
+
+
+def noise(*shape: int) -> np.ndarray:
+    return 0.01 * np.random.default_rng(5).normal(size=shape)
 
 
 SURFACES = {
@@ -58,34 +56,32 @@ SURFACES = {
     "double sinusoid": Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, dims=2, centre=(0.1, 0.7)),
     "cone": Cone(L=1.0, half_angle=60.0, radius=0.2, centre=(0.4, 0.7)),
     "composite": composite(Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, dims=2), Sphere(L=1.0, radius=0.7)),
+    "self-affine": affine(seed=3),
+    "window": affine(seed=3, periodic=False, aspect=2.5),
+    "map": HeightMap.of(noise(41, 51), (1.0, 1.0)),
+    "map with steps": HeightMap.of(np.where(noise(41, 41) > 0.01, 0.0, 0.01), 1.0),
     "flat": Flat(L=1.0),
 }
 
 
-@pytest.mark.parametrize("name", ["fractal", "ridges"])
-def test_heights_follow_the_definition(name):
-    surface = SURFACES[name]
-    assert isinstance(surface, WeierstrassMandelbrot)
-    for x, y in np.random.default_rng(1).uniform(0, L, size=(5, 2)):
-        assert surface.height(x, y) == pytest.approx(equation_1(surface, x, y), rel=1e-9)
-    assert abs(surface.height(0.0, 0.0)) < 1e-15 * L
+# ---------------------------------------------------------------------------------------- every kind
 
 
 @pytest.mark.parametrize("name", SURFACES)
 def test_grid_and_points_agree(name):
     surface = SURFACES[name]
-    s = np.linspace(0, surface.L, 33)
-    x, y = np.meshgrid(s, s)
-    pairs: list[tuple[np.ndarray, np.ndarray]] = [(surface.grid(33), surface.height(x, y))]
-    pairs += zip(surface.grid_gradient(33), surface.gradient(x, y), strict=True)
-    pairs += zip(surface.grid_hessian(33), surface.hessian(x, y), strict=True)
-    for grid, points in pairs:
-        assert grid.shape == points.shape == (33, 33)
-        np.testing.assert_allclose(grid, points, rtol=1e-9, atol=1e-12 * abs(points).max())
+    for n in (8, 33):
+        x, y = np.meshgrid(*2 * [np.linspace(0, surface.L, n)])
+        pairs: list[tuple[np.ndarray, np.ndarray]] = [(surface.grid(n), surface.height(x, y))]
+        pairs += zip(surface.grid_gradient(n), surface.gradient(x, y), strict=True)
+        pairs += zip(surface.grid_hessian(n), surface.hessian(x, y), strict=True)
+        for grid, points in pairs:
+            assert grid.shape == points.shape == (n, n)
+            np.testing.assert_allclose(grid, points, rtol=1e-9, atol=2e-12 * abs(points).max())
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_derivatives_against_central_differences(name):
+def test_derivatives_against_central_differences_and_their_bound(name):
     surface = SURFACES[name]
     x, y = np.random.default_rng(4).uniform(0.01, 0.99, size=(2, 200)) * surface.L
     h = 1e-5 * surface.L
@@ -100,46 +96,18 @@ def test_derivatives_against_central_differences(name):
     scale = surface.curvature_bound() + 1e-30
     for analytic, difference in zip(surface.hessian(x, y), numerical, strict=True):
         np.testing.assert_allclose(analytic, difference, atol=1e-6 * scale)
+    xx, xy, yy = surface.grid_hessian(513)
+    assert (abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)).max() <= scale * (1 + 1e-12)
 
 
 @pytest.mark.parametrize("name", SURFACES)
 def test_exact_mean_against_quadrature(name):
-    surface = SURFACES[name]
-    t, w = np.polynomial.legendre.leggauss(400)  # the kink of the cap's curvature limits it
-    s = surface.L * (t + 1) / 2
-    numerical = w @ surface.height(s[None, :], s[:, None]) @ w / 4
+    surface, cells = SURFACES[name], 200  # on whose edges the nodes of the maps are
+    t, w = np.polynomial.legendre.leggauss(6)
+    s = ((np.arange(cells)[:, None] + (t + 1) / 2) * (surface.L / cells)).ravel()
+    weight = np.tile(w / 2, cells) / cells
+    numerical = weight @ surface.on_product(s, s) @ weight
     assert surface.mean() == pytest.approx(numerical, rel=1e-6, abs=1e-9 * surface.L)
-
-
-def phases_of(**options: object) -> np.ndarray:
-    """Return the phases of a surface."""
-    phases = fractal(**options).phases
-    assert phases is not None
-    return phases
-
-
-def test_nested_phases_do_not_depend_on_f_max_and_M_and_are_independent():
-    many = phases_of(M=20, f_max=11, seed=2**40 + 7, drawing="nested")
-    few = phases_of(M=3, f_max=2, seed=2**40 + 7, drawing="nested")
-    np.testing.assert_array_equal(many[:4, :3], few)
-    # no column is that of another index or seed
-    drawings = itertools.product((0, 1, 2**32), ("nested", "array"))
-    columns = np.concatenate([phases_of(M=3, f_max=5, seed=seed, drawing=d) for seed, d in drawings], axis=1)
-    assert len(np.unique(columns)) == columns.size
-    phases = np.concatenate([phases_of(M=200, f_max=9, seed=s, drawing="nested").ravel() for s in range(5)])
-    assert abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(phases.size)
-
-
-@pytest.mark.parametrize("name", SURFACES)
-def test_curvature_bound_holds(name):
-    surface = SURFACES[name]
-    xx, xy, yy = surface.grid_hessian(129)
-    norm = abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)
-    assert norm.max() <= surface.curvature_bound() * (1 + 1e-12)
-
-
-def affine(**options: object) -> SelfAffine:
-    return SelfAffine(**{"L": 2.0, "H": 0.7, "slope": 0.3, "lambda_roll": 0.8, "lambda_short": 0.1, **options})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -157,6 +125,26 @@ def test_maximum_is_global_and_not_grid_limited(surface):
             assert slope * (1 if place == surface.L else -1) >= 0
         else:  # phases of waves k are known to eps k L
             assert abs(slope) < max(16 * EPS * surface.curvature_bound() * surface.L, 1e-10 * (surface.L == 2.0))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"L_s": L / 2048},
+        {"M": 60, "f_max": 11},
+        {"gamma": 40.0, "f_max": 2},
+        {"D": 2.05, "L_s": L / 2048},
+        {"phases": np.pad(np.full((11, 1), np.pi), ((0, 0), (0, 5)), constant_values=0.3)},  # crests that coincide
+    ],
+)
+def test_maximum_of_many_ridges_and_of_short_waves(options):
+    surface = fractal(**options)
+    summit = surface.maximum()
+    assert summit[2] == pytest.approx(float(surface.height(*summit[:2])), rel=1e-12)
+    assert summit[2] >= surface.grid(513).max()
+    for size in (1e-2 * L, 1e-4 * L, 1e-6 * L, surface.feature_size):
+        x, y = (np.clip(c + np.linspace(-size, size, 101), 0, L) for c in summit[:2])
+        assert surface.height(x[None, :], y[:, None]).max() <= summit[2] * (1 + 1e-12)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -183,6 +171,163 @@ def test_a_symmetric_surface_has_no_slope_across_its_edge():
     s = np.linspace(0, 1, 9)
     tilted = HeightMap.of(0.1 * s[None, :] - 0.05 * s[:, None], 1.0)
     assert tilted.edges_of_summit() == {"x = L": pytest.approx(0.1), "y = 0": pytest.approx(0.05)}
+
+
+def test_closed_forms_of_maximum_statistics_and_mean():
+    assert SURFACES["sphere and cone"].maximum() == (0.3, 0.6, 0.0)
+    assert SURFACES["sinusoid"].maximum() == (0.1, 0.7, 0.01)
+    for name in ("sphere and cone", "double sinusoid"):
+        found = Surface.maximum(SURFACES[name])
+        assert found[2] == pytest.approx(SURFACES[name].maximum()[2], abs=1e-15)
+    x, y = np.random.default_rng(2).uniform(0, 1, (2, 50))
+    k, double = 2 * np.pi / 0.4, SURFACES["double sinusoid"].height(x, y)
+    np.testing.assert_allclose(double, 0.01 * np.cos(k * (x - 0.1)) * np.cos(k * (y - 0.7)), atol=1e-15)
+    np.testing.assert_allclose(SURFACES["sinusoid"].height(x, y), 0.01 * np.cos(k * (x - 0.1)), atol=1e-15)
+    stats = Sinusoid(L=1.0, amplitude=0.01).statistics(513)
+    assert stats.Sq == pytest.approx(0.01 / np.sqrt(2), rel=4e-3)
+    assert stats.Sz == pytest.approx(0.02, rel=1e-12)
+    assert stats.rms_slope == pytest.approx(2 * np.pi * 0.01 / np.sqrt(2), rel=4e-3)
+    assert stats.rms_curvature == pytest.approx((2 * np.pi) ** 2 * 0.01 / np.sqrt(8), rel=4e-3)
+    for radius in (1e2, 1e5, 1e9):  # the sphere is deeper than the paraboloid by the order L^2/R^2
+        spheres = (Sphere(L=1.0, radius=radius, shape=shape) for shape in ("sphere", "paraboloid"))
+        means = [one.mean() for one in spheres]
+        assert means == pytest.approx([-1.0 / (12.0 * radius)] * 2, rel=1.0 / radius**2 + 1e-12)
+
+
+EXTREME = st.one_of(st.floats(-330, 310).map(lambda e: 10.0**e if e < 308 else np.inf), st.floats(), st.integers())
+USUAL: dict[str, dict[str, Any]] = {
+    "weierstrass-mandelbrot": {"D": 2.4, "G": 1e-11}, "sphere": {"radius": L}, "flat": {}, "pyramid": {},
+    "self-affine": {"H": 0.8, "rms_slope": 0.1, "lambda_short": 0.1 * L}, "sinusoid": {"amplitude": 1e-8},
+    "cone": {"half_angle": 70.0},
+}  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from(sorted(USUAL)), st.data())
+def test_any_numbers_give_a_finite_surface_or_a_sentence(kind, data):
+    assert USUAL.keys() | {"file"} == surface_kinds().keys()
+    spec = {"L": L, **USUAL[kind]}
+    for name in data.draw(st.lists(st.sampled_from(sorted(keys(surface_kind(kind)))), max_size=3)):
+        spec[name] = data.draw(st.one_of(EXTREME, st.integers(0, 6), st.sampled_from([0.5 * L, (0.0, L), True])))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SurfaceWarning)
+        try:
+            surface = Surface.from_spec(kind, **spec)
+        except InputError as error:
+            assert "surface." in str(error) and "\n" not in str(error)
+            return
+        values = [*surface.maximum(), surface.mean(), *surface.grid(5).ravel()]
+    assert np.isfinite(values).all() and values[2] >= max(values[4:]) - 1e-12 * np.ptp(values[4:])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "spheer"}, r'surface.kind = "spheer" is unknown \(did you mean "sphere"\?\)'),
+        ({"G": 13.6}, r"surface.G = 13.6 is 1.4e\+07 of surface.L"),
+        ({"gamma": 100.0, "f_max": 100}, "surface.f_max = 100 is not legal: .* at most 1 with surface.gamma = 100"),
+        ({"M": 999, "f_max": 50, "gamma": 1.1}, "surface.f_max = 50 is not legal: .* at most 1 with surface.M = 999"),
+        ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        Surface.from_spec(**{"kind": "weierstrass-mandelbrot", "L": L, "D": 2.4, "G": 1e-12} | change)
+
+
+def test_a_derived_surface_without_a_kind_does_not_replace_its_base():
+    class Bowl(Sphere):
+        pass
+
+    assert type(Surface.from_spec("sphere", L=1.0, radius=9.0)) is Sphere is not Bowl
+
+
+# ---------------------------------------------------------------------------------------- the fractal
+
+
+def equation_1(surface: WeierstrassMandelbrot, x: float, y: float) -> float:
+    """Evaluate the defining double sum term by term in polar coordinates."""
+    s, total = surface, 0.0
+    r, angle = np.hypot(x, y), np.arctan2(y, x)
+    for mu in range(0 if s.ridges == "0..M" else 1, s.M + 1):
+        for f in range(s.f_max + 1):
+            phi = s.phases[mu, f]
+            theta = 2 * np.pi * s.gamma**f * r / s.L * np.cos(angle - np.pi * mu / s.M) + phi
+            total += s.gamma ** (f * (s.D - 3)) * (np.cos(phi) - np.cos(theta))
+    return float(s.L * (s.G / s.L) ** (s.D - 2) * np.sqrt(np.log(s.gamma) / s.M) * total)
+
+
+@pytest.mark.parametrize("name", ["fractal", "ridges"])
+def test_heights_follow_the_definition(name):
+    surface = SURFACES[name]
+    assert isinstance(surface, WeierstrassMandelbrot)
+    for x, y in np.random.default_rng(1).uniform(0, L, size=(5, 2)):
+        assert surface.height(x, y) == pytest.approx(equation_1(surface, x, y), rel=1e-9)
+    assert abs(surface.height(0.0, 0.0)) < 1e-15 * L
+
+
+@pytest.mark.parametrize(
+    ("ridges", "f_max", "heights"),
+    [
+        ("0..M", 5, (9.65929359e-08, 8.98139885e-08, 9.92733348e-08)),
+        ("0..M", 4, (8.71072304e-08, 7.88098729e-08)),
+        ("1..M", 5, (8.61422284e-08, 8.16684468e-08)),
+        ("1..M", 4, (7.71353764e-08, 7.19000460e-08)),
+    ],
+)
+def test_heights_with_zero_phases(ridges, f_max, heights):
+    surface = fractal(ridges=ridges, f_max=f_max, phases=np.zeros((11, f_max + 1)))
+    for point, height in zip([(0.5e-6, 1e-6 / 3), (1e-6, 1e-6), (0.1e-6, 0.7e-6)], heights, strict=False):
+        assert surface.height(*point) == pytest.approx(height, rel=1e-9)
+
+
+def test_nested_phases_do_not_depend_on_f_max_and_M_and_are_independent():
+    many = fractal(M=20, f_max=11, seed=2**40 + 7, drawing="nested").phases
+    few = fractal(M=3, f_max=2, seed=2**40 + 7, drawing="nested").phases
+    np.testing.assert_array_equal(many[:4, :3], few)
+    # no column is that of another index or seed
+    drawings = itertools.product((0, 1, 2**32), ("nested", "array"))
+    columns = np.concatenate([fractal(M=3, f_max=5, seed=seed, drawing=d).phases for seed, d in drawings], axis=1)
+    assert len(np.unique(columns)) == columns.size
+    phases = np.concatenate([fractal(M=200, f_max=9, seed=s, drawing="nested").phases.ravel() for s in range(5)])
+    assert abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(phases.size)
+
+
+def test_cut_off_and_its_warning():
+    assert cut_off_index(1e-6, 150e-9, 1.5) == 4  # ln(1000/150)/ln(1.5) = 4.679
+    assert cut_off_index(1.0, 1.5**-7, 1.5) == 7
+    assert fractal(L_s=150e-9).f_max == 4
+    assert fractal().f_max == 5
+    with pytest.warns(SurfaceWarning, match="f_max = 4, but f_max = 5 is given and used"):
+        assert fractal(L_s=150e-9, f_max=5).f_max == 5
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fractal(L_s=150e-9, f_max=4)
+
+
+def test_psd_keeps_the_power_and_finds_the_wave():
+    wave = Sinusoid(L=1.0, amplitude=0.3, wavelength=1 / 16)
+    ring = wave.psd(256, window="none")
+    around = np.rint(np.hypot(*np.mgrid[-128:128, -128:128])).astype(int)
+    counts = np.bincount(around.ravel())[1:128]
+    assert (ring.density * counts).sum() == pytest.approx(0.3**2 / 2, rel=1e-6)
+    for window in ("none", "hann"):
+        spectrum = wave.psd(256, window=window)
+        assert spectrum.q[np.argmax(spectrum.density)] == pytest.approx(2 * np.pi * 16)
+
+
+def test_psd_slope_of_the_fractal():
+    """C(q) ~ q^(2D-8): the amplitude of index f is A_f ~ k^(D-3), one wave a ring of area ~ k^2."""
+    densities = [fractal(seed=s, f_max=11, ridges="1..M").psd(1024) for s in range(4)]
+    q = densities[0].q * L / (2 * np.pi)
+    mean = np.mean([d.density for d in densities], axis=0)
+    edges = 1.5 ** np.arange(2.5, 11)
+    bands = [(mean * q)[(q >= a) & (q < b)].sum() for a, b in itertools.pairwise(edges)]
+    slope = np.polyfit(np.log(np.sqrt(edges[1:] * edges[:-1])), np.log(bands), 1)[0]
+    assert slope == pytest.approx(2 * (2.4 - 3), abs=0.15)
+
+
+# ---------------------------------------------------------------------------------------- maps
 
 
 def test_short_waves_of_a_map_are_those_of_the_surface_it_samples():
@@ -214,31 +359,6 @@ def test_short_waves_are_judged_where_the_flat_touches():
     assert rms(smooth + 1e-4 * ripple * near) > 0.3e-4  # a sixth of the patch
     assert rms(smooth + 1e-4 * ripple * far) < 0.1e-4  # outside the part that the flat touches
     assert rms(0.0 * smooth) == 0.0
-
-
-def around(point: tuple[float, float, float], size: float) -> tuple[np.ndarray, np.ndarray]:
-    """A grid of 101 x 101 points of the patch within `size` of a point."""
-    x, y = (np.clip(c + np.linspace(-size, size, 101), 0, L) for c in point[:2])
-    return x[None, :], y[:, None]
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"L_s": L / 2048},
-        {"M": 60, "f_max": 11},
-        {"gamma": 40.0, "f_max": 2},
-        {"D": 2.05, "L_s": L / 2048},
-        {"phases": np.pad(np.full((11, 1), np.pi), ((0, 0), (0, 5)), constant_values=0.3)},  # crests that coincide
-    ],
-)
-def test_maximum_of_many_ridges_and_of_short_waves(options):
-    surface = fractal(**options)
-    summit = surface.maximum()
-    assert summit[2] == pytest.approx(float(surface.height(*summit[:2])), rel=1e-12)
-    assert summit[2] >= surface.grid(513).max()
-    for size in (1e-2 * L, 1e-4 * L, 1e-6 * L, surface.feature_size):
-        assert surface.height(*around(summit, size)).max() <= summit[2] * (1 + 1e-12)
 
 
 @pytest.mark.parametrize("shape", [(40, 40), (33, 52)])
@@ -286,23 +406,6 @@ def test_the_summit_of_ridges_and_equal_peaks_is_found_at_once(monkeypatch, name
     assert surface.height(*summit[:2]) == pytest.approx(summit[2], abs=1e-14)
 
 
-def test_closed_form_maxima():
-    assert SURFACES["sphere and cone"].maximum() == (0.3, 0.6, 0.0)
-    assert SURFACES["sinusoid"].maximum() == (0.1, 0.7, 0.01)
-    for name in ("sphere and cone", "double sinusoid"):
-        found = Surface.maximum(SURFACES[name])
-        assert found[2] == pytest.approx(SURFACES[name].maximum()[2], abs=1e-15)
-
-
-def test_statistics_of_a_sinusoid():
-    stats = Sinusoid(L=1.0, amplitude=0.01).statistics(513)
-    assert stats.Sq == pytest.approx(0.01 / np.sqrt(2), rel=4e-3)
-    assert stats.Sz == pytest.approx(0.02, rel=1e-12)
-    assert stats.rms_slope == pytest.approx(2 * np.pi * 0.01 / np.sqrt(2), rel=4e-3)
-    assert stats.rms_curvature == pytest.approx((2 * np.pi) ** 2 * 0.01 / np.sqrt(8), rel=4e-3)
-    assert Flat(L=1.0).statistics(9).rms_slope == 0.0
-
-
 @pytest.mark.parametrize("n", [505, 1009])
 def test_statistics_of_a_map_are_those_between_its_heights_too(n):
     """Noise against Gauss's rule in each cell; the slope at the heights alone is smaller by a fifth."""
@@ -320,75 +423,6 @@ def test_statistics_of_a_map_are_those_between_its_heights_too(n):
     assert found.rms_slope == pytest.approx(rms(zx, zy), rel=0.01)
     assert found.rms_curvature == pytest.approx(rms(xx + yy) / 2.0, rel=0.04)
     assert surface.rms_slope() == found.rms_slope
-
-
-EXTREME = st.one_of(st.floats(-330, 310).map(lambda e: 10.0**e if e < 308 else np.inf), st.floats(), st.integers())
-COUNT = st.one_of(st.integers(0, 6), st.integers())
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.fixed_dictionaries(
-        {"L": st.one_of(st.just(L), EXTREME), "G": st.one_of(st.just(1e-11), EXTREME)},
-        optional={"D": st.floats(1.9, 3.1), "M": COUNT, "f_max": COUNT, "gamma": EXTREME, "L_s": EXTREME},
-    )
-)
-def test_any_numbers_give_a_finite_surface_or_a_sentence(spec):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SurfaceWarning)
-        try:
-            surface = Surface.from_spec("weierstrass-mandelbrot", **spec)
-        except InputError as error:
-            assert "surface." in str(error)
-            return
-        assert isinstance(surface, WeierstrassMandelbrot)
-        values = [*surface.maximum(), surface.mean(), *surface.grid(5).ravel()]
-    assert np.isfinite(values).all() and values[2] >= max(values[4:]) * (1 - 1e-12)
-
-
-def test_psd_keeps_the_power_and_finds_the_wave():
-    wave = Sinusoid(L=1.0, amplitude=0.3, wavelength=1 / 16)
-    ring = wave.psd(256, window="none")
-    around = np.rint(np.hypot(*np.mgrid[-128:128, -128:128])).astype(int)
-    counts = np.bincount(around.ravel())[1:128]
-    assert (ring.density * counts).sum() == pytest.approx(0.3**2 / 2, rel=1e-6)
-    for window in ("none", "hann"):
-        spectrum = wave.psd(256, window=window)
-        assert spectrum.q[np.argmax(spectrum.density)] == pytest.approx(2 * np.pi * 16)
-
-
-def test_cut_off_and_its_warning():
-    assert cut_off_index(1e-6, 150e-9, 1.5) == 4  # ln(1000/150)/ln(1.5) = 4.679
-    assert cut_off_index(1.0, 1.5**-7, 1.5) == 7
-    assert fractal(L_s=150e-9).f_max == 4
-    assert fractal().f_max == 5
-    with pytest.warns(SurfaceWarning, match="f_max = 4, but f_max = 5 is given and used"):
-        assert fractal(L_s=150e-9, f_max=5).f_max == 5
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        fractal(L_s=150e-9, f_max=4)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"kind": "spheer"}, r'surface.kind = "spheer" is unknown \(did you mean "sphere"\?\)'),
-        ({"G": 13.6}, r"surface.G = 13.6 is 1.4e\+07 of surface.L"),
-        ({"gamma": 100.0, "f_max": 100}, "surface.f_max = 100 is not legal: .* at most 1 with surface.gamma = 100"),
-        ({"M": 999, "f_max": 50, "gamma": 1.1}, "surface.f_max = 50 is not legal: .* at most 1 with surface.M = 999"),
-        ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),
-    ],
-)
-def test_arguments_that_do_not_fit_are_refused(change, message):
-    with pytest.raises(InputError, match=message):
-        Surface.from_spec(**{"kind": "weierstrass-mandelbrot", "L": L, "D": 2.4, "G": 1e-12} | change)
-
-
-def test_a_derived_surface_without_a_kind_does_not_replace_its_base():
-    class Bowl(Sphere):
-        pass
-
-    assert type(Surface.from_spec("sphere", L=1.0, radius=9.0)) is Sphere is not Bowl
 
 
 @pytest.fixture
@@ -420,15 +454,6 @@ def test_a_sampled_fractal_has_the_same_summit():
     copy = HeightMap.of(surface.grid(257), L)
     for a, b in zip(copy.maximum(), surface.maximum(), strict=True):
         assert a == pytest.approx(b, rel=1e-5)
-    s = np.linspace(0, L, 33)
-    for grid, points in (
-        *zip(copy.grid_gradient(33), copy.gradient(s[None, :], s[:, None]), strict=True),
-        *zip(copy.grid_hessian(33), copy.hessian(s[None, :], s[:, None]), strict=True),
-        (copy.grid(33), copy.height(s[None, :], s[:, None])),
-    ):
-        np.testing.assert_allclose(grid, points, rtol=1e-10, atol=1e-12 * abs(points).max())
-    xx, xy, yy = copy.grid_hessian(513)
-    assert (abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)).max() <= copy.curvature_bound()
 
 
 def bent(x: np.ndarray) -> np.ndarray:
@@ -482,40 +507,3 @@ def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
     assert not HeightMap.of(ridge, 1.0).periodic
     assert not HeightMap.of(np.cos(2 * np.pi * s)[:, None] + 0.01 * s, 1.0).periodic
     assert HeightMap.of(np.cos(2 * np.pi * s)[:, None] + np.zeros(129), 1.0).periodic
-
-
-def test_psd_slope_of_the_fractal():
-    """C(q) ~ q^(2D-8): the amplitude of index f is A_f ~ k^(D-3), one wave a ring of area ~ k^2."""
-    densities = [fractal(seed=s, f_max=11, ridges="1..M").psd(1024) for s in range(4)]
-    q = densities[0].q * L / (2 * np.pi)
-    mean = np.mean([d.density for d in densities], axis=0)
-    edges = 1.5 ** np.arange(2.5, 11)
-    bands = [(mean * q)[(q >= a) & (q < b)].sum() for a, b in itertools.pairwise(edges)]
-    slope = np.polyfit(np.log(np.sqrt(edges[1:] * edges[:-1])), np.log(bands), 1)[0]
-    assert slope == pytest.approx(2 * (2.4 - 3), abs=0.15)
-
-
-@pytest.mark.parametrize("radius", [1e2, 1e5, 1e9])
-def test_a_flat_sphere_has_the_mean_of_a_paraboloid(radius):
-    """-L^2/(12 R), the sphere deeper by the order L^2/R^2."""
-    means = [
-        Surface.from_spec("sphere", L=1.0, radius=radius, shape=shape).mean() for shape in ("sphere", "paraboloid")
-    ]
-    assert means == pytest.approx([-1.0 / (12.0 * radius)] * 2, rel=1.0 / radius**2 + 1e-12)
-
-
-@pytest.mark.parametrize(
-    ("ridges", "f_max", "heights"),
-    [
-        ("0..M", 5, (9.65929359e-08, 8.98139885e-08, 9.92733348e-08)),
-        ("0..M", 4, (8.71072304e-08, 7.88098729e-08, None)),
-        ("1..M", 5, (8.61422284e-08, 8.16684468e-08, None)),
-        ("1..M", 4, (7.71353764e-08, 7.19000460e-08, None)),
-    ],
-)
-def test_heights_with_zero_phases(ridges, f_max, heights):
-    surface = fractal(ridges=ridges, f_max=f_max, phases=np.zeros((11, f_max + 1)))
-    points = [(0.5e-6, 1e-6 / 3), (1e-6, 1e-6), (0.1e-6, 0.7e-6)]
-    for point, height in zip(points, heights, strict=True):
-        if height is not None:
-            assert surface.height(*point) == pytest.approx(height, rel=1e-9)

@@ -26,10 +26,13 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem, check_lengths
 from asperity.model.settings import H_CONTACT, AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
 from asperity.model.slip import SlipSettings
-from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, to_table
+from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, legal, properties, to_table
 from asperity.runtime.display import show
 from asperity.surface import Surface, SurfaceWarning
+from asperity.surface.base import surface_kinds
 
+#: Kinds of surfaces of a case, in the order of the pages.
+KINDS = ("weierstrass-mandelbrot", "self-affine", "sphere", "cone", "pyramid", "sinusoid", "flat", "file")
 _ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 #: key -> values that are probable in SI, and the unit
 _PROBABLE = {"material.E": (1e3, 2e12, "Pa"), "surface.L": (0.0, 0.1, "m"), "material.density": (1.0, 3e4, "kg/m^3")}
@@ -263,21 +266,11 @@ def _check_reached(case: Case, key: str, force: float | None) -> None:
     least, most = LEAST_FORCE * full, case.greatest_force or full
     if force is not None and not least <= force <= most * _ROUND:
         section, name = key.split(".")
-        value, area = getattr(getattr(case, section), name), case.joint and case.joint.nominal_area
-        means = "" if value == force else f" makes a force of {force:.6g} on the patch, which"
-        if means and area is not None:
-            means = f" on joint.nominal_area = {area:g}{means}"
-        driver = case.loading.driver
-        by = f"by loading.{driver} = {getattr(case.loading, driver):g}"
-        if case.greatest_force is None or force < least:
-            by = f"by surface.L = {case.surface.L:g}, material.E = {case.material.E:g} and nu = {case.material.nu:g}"
+        area = "give joint.nominal_area, or " if section == "joint" else ""
         raise InputError(
-            f"{key} = {value:g}{means} must lie between {least:.3g} and {most:.6g}, the greatest force the run may "
-            f"reach ({by}); leave it out for half of what it does reach"
-            + (
-                ", or give joint.nominal_area where it is not the force on the patch"
-                * (section == "joint" and not area)
-            )
+            f"{key} = {getattr(getattr(case, section), name):g} is a force of {force:.6g} on the patch, legal are "
+            f"{least:.3g} to {most:.6g}, the greatest force that the run may reach: {area}leave the key out for half "
+            "of the force that the run reaches"
         )
 
 
@@ -322,3 +315,14 @@ def _doubts(case: Case) -> Iterator[str]:
             f"loading.unload_steps = {rows} gives the law of the vibration {rows} rows in contact, and at least "
             f"{least} show its curvature: raise it{'' if case.has_stiffness else ', or set output.stiffness = true'}"
         )
+
+
+def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:
+    """Rows (section, key, default, legal values, unit, meaning) of every key, for documentation."""
+    of_kinds = {f"surface ({kind})": surface_kinds()[kind] for kind in KINDS}
+    sections = {name: cls for name, cls in SECTIONS.items() if name not in OF_KINDS}
+    for section, cls in {"": Case, **of_kinds, **sections}.items():
+        for name, about in properties(cls).items():
+            default = show(about["default"]) if "default" in about else "required"
+            default = about["shown"] or ("none" if default == "None" else default)
+            yield section, name, default, legal(about), about["unit"] or "-", about["description"]

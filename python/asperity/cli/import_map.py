@@ -13,7 +13,7 @@ import numpy as np
 
 from asperity.cli import options
 from asperity.cli.surface import draw, show_iso
-from asperity.errors import CompatError, InputError
+from asperity.errors import InputError
 from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
@@ -111,13 +111,6 @@ def import_map(
             (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
             text = CASE.format(delta=surface.light_approach())
             (aside / "case.toml").write_text(text, encoding="utf-8")
-            try:
-                cost = _cost(aside / "case.toml", surface)
-            except InputError as error:
-                text = str(error).removeprefix(f"{aside / 'case.toml'}: ").replace(str(aside), str(folder))
-                raise InputError(f"{map_file} makes no case that can be run: {text}") from None
-            except CompatError:  # the map can be made where nothing is solved
-                cost = ""
     if as_json:
         options.print_json(about)
         return
@@ -134,7 +127,7 @@ def import_map(
     show_iso(iso, "m")
     for sentence in _doubts(surface, bare, affine):
         options.say(sentence)
-    options.say(f"{cost}\n" * bool(cost) + f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+    options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
 def _self_affine(read: HeightField, patch: HeightField) -> tuple[Spectrum, SelfAffineFit | None]:
@@ -190,14 +183,3 @@ def _doubts(surface: HeightMap, bare: HeightField, affine: SelfAffineFit | None)
             f"the highest point is {highest:.0f} rms heights above the mean, as dust is: if it does not belong to the "
             "surface, mark it as missing (NaN) in the map, and it is filled"
         )
-
-
-def _cost(case_file: Path, surface: HeightMap) -> str:
-    """Sentences on steps of the map and on the filter that a tolerance takes; InputError of a case that cannot run."""
-    from asperity.adaptive.estimate import estimate, filter_advice, note_on_steps
-    from asperity.case import Case
-
-    case = Case.load(case_file)
-    found = estimate(case, surface=surface)
-    notes = note_on_steps(surface, found.approach), filter_advice(case, found, surface)
-    return "\n".join(filter(None, notes))

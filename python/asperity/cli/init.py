@@ -13,7 +13,7 @@ import click
 from asperity.cli import options
 from asperity.errors import CompatError, InputError
 
-#: Values of the keys that have no default, in SI units; "file" is that of --from.
+#: Values of the keys that have no default, in SI units; "file" is of --from.
 SURFACES: dict[str, dict[str, Any]] = {
     "weierstrass-mandelbrot": {"L": 1e-6, "D": 2.4, "G": 5e-12},
     "self-affine": {"L": 1e-6, "H": 0.8, "rms_slope": 0.1, "lambda_short": 1e-7, "lambda_roll": 5e-7},
@@ -23,8 +23,17 @@ SURFACES: dict[str, dict[str, Any]] = {
     "sinusoid": {"L": 1e-6, "amplitude": 1e-8, "dims": 2},
     "flat": {"L": 1e-6},
 }
-STEEL = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9}
-COPPER = {"E": 120e9, "nu": 0.34, "yield_strength": 150e6, "tangent_modulus": 1.2e9}
+STEEL = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9, "kinematics": "auto"}
+COPPER = {"E": 120e9, "nu": 0.34, "yield_strength": 150e6, "tangent_modulus": 1.2e9, "kinematics": "auto"}
+TIP: dict[str, dict[str, Any]] = {
+    "surface": {"kind": "flat", "L": 10e-6},
+    "tool": {"kind": "pyramid", "angle": 65.3},
+    "material": COPPER,
+    "mesh": {"h_contact": 0.5e-6, "h_max": 3e-6},
+    "loading": {"delta_max": 0.2e-6, "steps": 4, "unload_steps": 8},
+    "output": {"figures": True, "report": True},
+}
+JOINT = (1e-5, 250.0, 5.0), 0.4e-6, 0.1  # area [m^2], preload [N], mass [kg]; rms height [m] and slope of its faces
 SI = {
     "length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2", "length^2": "m^2", "mass": "kg",
     "1/time": "Hz",
@@ -41,15 +50,14 @@ WIDTH = 34  # of "key = value"
               help="Height map instead, as import-map makes.")  # fmt: skip
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Nominal area (m²), preload (N), mass (kg).")  # fmt: skip
-@click.option("--indent", is_flag=True, help="Berkovich's tip on copper.")
-@click.option("--example", type=click.Choice(("demo", "scan", "joint")),
-              help="A demo, a map (scan.csv), or a joint.")  # fmt: skip
+@click.option("--example", type=click.Choice(("demo", "scan", "joint", "tip")), metavar="NAME",
+              help="demo, scan (a map, scan.csv), joint, or tip (Berkovich's on copper).")  # fmt: skip
 @click.option("--Sq", "sq", type=options.Length(), metavar="LENGTH",
               help="Rms height, as 0.4um; with --slope.")  # fmt: skip
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope; with --Sq.")
 def init(
     file: Path | None, kind: str | None, scan: Path | None, joint: tuple[float, float, float] | None,
-    indent: bool, example: str | None, sq: float | None, slope: float | None,
+    example: str | None, sq: float | None, slope: float | None,
 ) -> None:  # fmt: skip
     """Write a commented case, ready to run.
 
@@ -62,13 +70,12 @@ def init(
     file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
-    ways = {"--surface": kind, "--from": scan, "--Sq": sq, "--example": example, "--indent": indent or None,
-            "--joint": (example or indent or None) and joint}  # fmt: skip
+    ways = {"--surface": kind, "--from": scan, "--Sq": sq, "--example": example, "--joint": example and joint}
     given = [name for name, value in ways.items() if value is not None]
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)} do not go together: give one of them")
     if example == "joint":
-        joint, sq, slope = (1e-5, 250.0, 5.0), 0.4e-6, 0.1
+        joint, sq, slope = JOINT
     if joint is not None and not all(0.0 < value < math.inf for value in joint):
         raise InputError(f"--joint {joint}: area, force and mass must be positive")
     if (sq is None) != (slope is None):
@@ -95,18 +102,17 @@ def init(
         text = next(path for path in demos if path.is_file()).read_text(encoding="utf-8")
     else:
         roughness = None if sq is None or slope is None else surface_of(sq, slope)
-        kind = "flat" if indent else kind or next(iter(SURFACES))
-        text = starting_case(kind, scan, joint, file.parent, roughness, indent)
+        text = commented(TIP if example == "tip" else starting_case(kind, scan, joint, file.parent, roughness))
         Case.from_dict(parse_toml(text), folder=file.parent, source="this case would be refused")
     replace_file(file, text.encode())
     options.say(f"written {file}; next: {advice}")
 
 
 def starting_case(
-    kind: str, scan: Path | None = None, joint: tuple[float, float, float] | None = None, folder: Path = Path(),
-    roughness: dict[str, Any] | None = None, indent: bool = False,
-) -> str:  # fmt: skip
-    """Text of a case file made from the schema.
+    kind: str | None = None, scan: Path | None = None, joint: tuple[float, float, float] | None = None,
+    folder: Path = Path(), roughness: dict[str, Any] | None = None,
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Sections and keys of a case.
 
     Args:
         kind: of surface, one of SURFACES; or a map `scan`, or self-affine with the keys of a `roughness`
@@ -114,60 +120,56 @@ def starting_case(
         joint: nominal area [length^2], preload [force] and mass of a joint, whose overload is the greatest load
         folder: of the case file
         roughness: keys of a self-affine surface
-        indent: whether a tip of Berkovich is pressed into copper, on one mesh
     """
-    from asperity.case import Case
-    from asperity.case.keys import KINDS
-    from asperity.case.tables import SECTIONS
     from asperity.model.joint import Joint
-    from asperity.surface.base import surface_kind
 
     if roughness is not None:
-        kind, surface, delta = "self-affine", roughness, 0.5 * roughness["rms_height"]
+        surface, delta = {"kind": "self-affine", **roughness}, 0.5 * roughness["rms_height"]
     elif scan is not None:
         from asperity.surface import HeightMap
 
-        surface = {"path": os.path.relpath(scan, folder)}
-        kind, delta = "file", HeightMap(path=scan).light_approach()  # a few per cent of the heights
+        surface = {"kind": "file", "path": os.path.relpath(scan, folder)}
+        delta = HeightMap(path=scan).light_approach()  # a few per cent of the heights
     else:
-        surface, delta = SURFACES[kind], 1e-9 if kind == "flat" else 1e-8
-    chosen: dict[str, Mapping[str, Any]] = {
-        "surface": surface,
-        "material": {**STEEL, "kinematics": "auto"},
-        "loading": {"delta_max": float(f"{delta:.3g}")},
-        "accuracy": {"tolerance": 0.05},
-        "output": {"figures": True, "report": True},
-    }
-    if indent:
-        chosen |= {
-            "surface": {"L": 10e-6},
-            "tool": {"angle": 65.3},
-            "material": {**COPPER, "kinematics": "auto"},
-            "mesh": {"h_contact": 0.5e-6, "h_max": 3e-6},
-            "loading": {"delta_max": 0.2e-6, "steps": 4, "unload_steps": 8},
-            "accuracy": {},
-        }
+        kind = kind or next(iter(SURFACES))
+        surface, delta = {"kind": kind, **SURFACES[kind]}, 1e-9 if kind == "flat" else 1e-8
+    chosen = {
+        "surface": surface, "material": STEEL, "loading": {"delta_max": float(f"{delta:.3g}")},
+        "accuracy": {"tolerance": 0.05}, "output": {"figures": True, "report": True},
+    }  # fmt: skip
     if joint is not None:
         area, force, mass = joint
         chosen["loading"] = {"unload": True}
         chosen["joint"] = {"nominal_area": area, "preload": force, "mass": mass, "overload": Joint.overload}
         chosen["output"] = {**chosen["output"], "stiffness": True}
+    return chosen
+
+
+def commented(chosen: Mapping[str, Mapping[str, Any]]) -> str:
+    """Text of a case file with every key: those of `chosen` are set, the others are comments."""
+    from asperity.case import Case
+    from asperity.case.case_file import KINDS
+    from asperity.case.tables import SECTIONS
+    from asperity.surface.base import surface_kind
+
     lines = [
-        f"# A case of asperity: {'copper under a tip' if indent else f'steel, surface of kind {kind}'}, in SI units.",
+        "# A case of asperity in SI units.",
         "# A comment gives the meaning of a key, its unit, legal values, the default if other keys determine it.",
         "# Remove the # before a key to set it. Check the case by: asperity check FILE",
         "",
         *_keys(Case, {}),
     ]
-    kinds = {"surface": kind, "tool": "pyramid"}
-    for name in (name for name in SECTIONS if name != "tool" or name in chosen):
-        cls = surface_kind(kinds[name]) if name in kinds else SECTIONS[name]
-        optional = name in ("dynamics", "joint", "slip") and name not in chosen
+    for name, section in SECTIONS.items():
+        values = chosen.get(name, {})
+        if name == "tool" and not values:
+            continue
+        cls = surface_kind(values["kind"]) if "kind" in values else section
+        optional = name in ("dynamics", "joint", "slip") and not values
         about = str(cls.__doc__).partition("\n")[0].removesuffix(".")
         lines += ["", f"# {about}", f"# [{name}]" if optional else f"[{name}]"]
-        if name in kinds:
-            lines.append(_line(f'kind = "{kinds[name]}"', f"kind of surface; {', '.join(KINDS)}"))
-        lines += _keys(cls, chosen.get(name, {}))
+        if "kind" in values:
+            lines.append(_line(f'kind = "{values["kind"]}"', f"kind of surface; {', '.join(KINDS)}"))
+        lines += _keys(cls, values)
     return "\n".join(lines) + "\n"
 
 

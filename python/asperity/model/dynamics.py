@@ -45,11 +45,6 @@ Amplitude = Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])] | Text
 Frequency = Annotated[Real, Field(ge=OMEGA[0], le=OMEGA[1])] | Text
 
 
-def forcings(values: Any) -> tuple[float, ...]:
-    """One F^ or several as a tuple; raise `InputError` unless all are legal."""
-    return tuple(within("dynamics.forcing", value, FORCING) for value in positives("dynamics.forcing", values))
-
-
 def window(omega: Sequence[float], legal: tuple[float, float] = OMEGA) -> tuple[float, float]:
     """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
     values = tuple(within("dynamics.omega", value, legal) for value in positives("dynamics.omega", omega))
@@ -134,11 +129,8 @@ class DynamicsSettings:
     units: Annotated[Annotated[str, Choices("SI", "other")] | None, *argument('"SI" or "other"')] = None
 
     def __post_init__(self) -> None:
-        (unit, values), (hertz, ends) = self._read
-        if not unit:
-            object.__setattr__(self, "forcing", forcings(values))
-        ends = window(ends, (0.0, math.inf) if hertz else OMEGA)
-        object.__setattr__(self, "omega", self.omega if hertz else ends)
+        (unit, _), (hertz, ends) = self._read
+        window(ends, (0.0, math.inf) if hertz else OMEGA)
         if len(set(self.model)) < len(self.model):
             raise InputError(f"dynamics.model = {list(self.model)} names a model twice")
         if (unit or hertz) and self.units == "other":
@@ -185,7 +177,7 @@ class DynamicsSettings:
         if not math.isfinite(frequency) and (hertz or self.pulse or self.excitation == "acceleration"):
             raise InputError("frequencies in Hz, pulses and accelerations need the mass: give joint.mass or gravity")
         over = {"": 1.0, "N": scale, "m": length}.get(unit, length * omega_s**2)
-        forcing = forcings([value / over for value in values])
+        forcing = tuple(within("dynamics.forcing", value / over, FORCING) for value in values)
         slowest, fastest = (bound * frequency for bound in OMEGA)
         low, high = window(ends, (slowest, fastest) if hertz else OMEGA)
         per = frequency if hertz else 1.0

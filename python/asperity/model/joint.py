@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
-
 from asperity.errors import InputError
 from asperity.runtime.declaration import FORCE, STRESS, Positive, Real, declared, key
 
@@ -40,13 +36,6 @@ class Joint:
     def __post_init__(self) -> None:
         if self.preload is not None and self.pressure is not None:
             raise InputError("joint.preload and joint.pressure are both given; give one of them")
-
-    def replaced(self, given: Mapping[str, Any]) -> Joint:
-        """Joint with other values, None for no change; of preload and pressure a value removes the other."""
-        new = {name: value for name, value in given.items() if value is not None}
-        if new.keys() & {"preload", "pressure"}:
-            new = {"preload": None, "pressure": None} | new
-        return replace(self, **new)
 
     def factor(self, patch: float | None) -> float:
         """By what the force of a patch of nominal area `patch` (length^2) is multiplied; refused if it is unknown."""

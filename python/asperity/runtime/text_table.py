@@ -45,7 +45,7 @@ class TextTable:
     @classmethod
     def read(cls, path: Path, least: int) -> TextTable:
         """Find the rows of a file, of which each has so many cells at least; ValueError where there is no row."""
-        lines = decoded(read_whole(path)).rstrip().splitlines()
+        lines = decoded(read_whole(path)).rstrip("\r\n ").splitlines()  # a tab may end a row
         return cls(lines, *_start(lines, least))
 
     @property

@@ -6,8 +6,9 @@ from asperity.surface.base import Surface, SurfaceStatistics, SurfaceWarning
 from asperity.surface.composite import Composite, composite
 from asperity.surface.fractal import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.height_map import HeightMap
+from asperity.surface.plane_waves import Sinusoid
 from asperity.surface.self_affine import SelfAffine
-from asperity.surface.shapes import Cone, Flat, Pyramid, Sinusoid, Sphere
+from asperity.surface.shapes import Cone, Flat, Pyramid, Sphere
 from asperity.surface.spectrum import Spectrum
 
 __all__ = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -13,7 +13,7 @@ from pydantic import Field
 
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
-from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key, unknown
+from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key
 from asperity.runtime.display import nearest, picture, short_repr, show
 from asperity.surface.maximum import global_maximum
 from asperity.surface.spectrum import Spectrum, psd
@@ -82,6 +82,12 @@ class Surface(ABC):
         for note in self.notes:
             warn(note, SurfaceWarning)
 
+    def _complete(self, **defaults: Any) -> None:
+        """Give the arguments that were left out (None) their values."""
+        for name, value in defaults.items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What is doubtful of the arguments, or was taken for granted: a sentence each."""
@@ -93,17 +99,16 @@ class Surface(ABC):
 
         Args:
             kind: name of the kind, for example "weierstrass-mandelbrot"
-            parameters: the keys of that kind
+            parameters: the keys of that kind; None leaves one out
 
         Raises:
             InputError: unknown kind or key (the message suggests the closest legal name), missing key, or
                 a value outside its legal range
         """
-        cls = surface_kind(kind)
-        names = keys(cls)
-        if strange := [name for name in parameters if name not in names]:
-            raise InputError(unknown(strange[0], "surface", names, kind=kind))
-        return cls(**{names[name]: value for name, value in parameters.items()})
+        cls: Any = surface_kind(kind)
+        names = {info.serialization_alias: name for name, info in cls.__pydantic_fields__.items()}
+        surface: Surface = cls(**{names.get(name, name): v for name, v in parameters.items() if v is not None})
+        return surface
 
     @abstractmethod
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -269,14 +274,6 @@ class Surface(ABC):
                 'material.kinematics = "auto" shows by how much.',
                 SurfaceWarning,
             )
-
-
-def keys(cls: type[Surface]) -> dict[str, str]:
-    """Keys of a kind of surface, with the names of the arguments."""
-    declared_fields = getattr(cls, "__pydantic_fields__", {})
-    names = [f.name for f in fields(cls)]
-    aliases = {name: declared_fields[name].serialization_alias for name in names if name in declared_fields}
-    return {aliases.get(name) or name: name for name in names}
 
 
 def surface_kind(kind: Any) -> type[Surface]:

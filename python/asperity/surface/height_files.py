@@ -25,7 +25,6 @@ EXACT = 1e-6  # relative difference of sides, or of steps of an array, that are 
 OFF_GRID, STRAIGHT = 0.1, 0.02  # deviation of coordinates of points, and of those beside a matrix, over their step
 LEAST = 4  # heights along a side of a map, for a cubic spline
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
-_HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)  # name of a channel
 _UNIT = r'"?\s*(?:[\[(]\s*([^\s\[\]()]+)\s*[\])])?"?'
 _NAMES = re.compile(rf'"?x{_UNIT}[\s,;]+"?y{_UNIT}[\s,;]+"?z{_UNIT}[\s,;]*', re.IGNORECASE)
 
@@ -69,10 +68,10 @@ def read_heights(
 
 def _metres_of(unit: str | None) -> float | None:
     """Metres of one unit of length, given by its name or as a number; None stays."""
-    if unit is None or unit in LENGTHS:
-        return None if unit is None else LENGTHS[unit]
+    if unit is None:
+        return None
     with suppress(ValueError):
-        if 0.0 < (value := float(unit)) < math.inf:
+        if 0.0 < (value := float(LENGTHS.get(unit, unit))) < math.inf:
             return value
     raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}, or give the metres of one unit")
 
@@ -189,26 +188,16 @@ def _of_text(path: Path, metres: float | None, missing: float | None) -> Heights
 
 
 def _refuse_coordinates(table: Array) -> None:
-    """Refuse a matrix of which the first column or row is in equal steps that do not continue those of its neighbour.
-
-    Coordinates in unequal steps are refused where both column and row rise, as heights do not.
-    """
-    rise = [_rises(table[1:, 0]), _rises(table[0, 1:]), any(map(_rises, table[1::7, 1:]))]
+    """Refuse a matrix whose first column or row has equal steps that the next one does not continue."""
     for name, lines in (("column", table.T), ("row", table)):
-        edge, steps = lines[0], np.diff(lines[:2], axis=1)
-        step = float(np.mean(steps[0, 1:]))
-        straight = step != 0.0 and np.abs(steps[0, 1:] - step).max() <= STRAIGHT * abs(step)
-        continued = np.abs(steps - step).max() <= STRAIGHT * abs(step)
-        if (straight and not continued) or rise == [True, True, False] or (np.isnan(edge[0]) and rise[name == "row"]):
+        edge, steps = lines[0], np.diff(lines[:2, 1:], axis=1)
+        step = float(np.mean(steps[0]))
+        straight, continued = np.abs(steps - step).max(axis=1) <= STRAIGHT * abs(step)
+        if step != 0.0 and straight and not continued:
             raise ValueError(
                 f"the first {name}, {edge[1]:g}, {edge[2]:g}, {edge[3]:g} ..., may be coordinates: leave coordinates "
                 "out and give the distance between heights (--pixel), or write an .npz file or lines of x, y, z"
             )
-
-
-def _rises(values: Array) -> bool:
-    steps = np.diff(values)
-    return bool(np.all(steps > 0) or np.all(steps < 0))
 
 
 def _of_instrument(path: Path, pixel: tuple[float, float] | None, metres: float | None, wanted: str | None) -> Heights:
@@ -227,9 +216,7 @@ def _of_instrument(path: Path, pixel: tuple[float, float] | None, metres: float 
             sizes: dict[str, Any] = {}
             if channel.physical_sizes is None:
                 if pixel is None:
-                    raise InputError(
-                        f"{path} contains heights without lengths; give the distance between them (--pixel)"
-                    )
+                    raise InputError(f"{path} has heights without lengths; give the distance between them (--pixel)")
                 sizes = {"physical_sizes": tuple(np.multiply(channel.nb_grid_pts, pixel)), "unit": "m"}
             found = reader.topography(channel_index=channel.index, **sizes)
             if found.unit is None and metres is None:
@@ -245,22 +232,13 @@ def _of_instrument(path: Path, pixel: tuple[float, float] | None, metres: float 
 
 
 def _channel(path: Path, channels: list[Any], own: int, wanted: str | None) -> tuple[Any, str, str]:
-    """Channel with the heights, and its name and a sentence where there are several; `own` is that of the library."""
+    """Channel of a name or a number, and its name and a sentence where there are several; `own` is the default."""
     names = ["".join(c for c in str(channel.name) if c.isprintable()) for channel in channels]
     listed = ", ".join(f"{i} {name!r}" for i, name in enumerate(names, 1))
-    if wanted is None:
-        at = [channel.index for channel in channels].index(own)
-        maps = [name for one, name in zip(channels, names, strict=True) if one.dim == 2 and _HEIGHT.search(name)]
-        if maps and not _HEIGHT.search(names[at]):
-            raise InputError(
-                f"{path}: the default channel {names[at]!r} may be no heights, as {maps[0]!r} may be: choose with "
-                f"--channel a name or a number of {listed}"
-            )
-    else:
-        keys = names + [str(i) for i in range(1, len(names) + 1)]
-        if wanted not in keys:
-            raise InputError(f"{path} has no channel {wanted!r}: choose a name or a number of {listed}")
-        at = keys.index(wanted) % len(names)
+    keys = [*names, *(str(i) for i in range(1, len(names) + 1))]
+    if wanted is not None and wanted not in keys:
+        raise InputError(f"{path} has no channel {wanted!r}: choose a name or a number of {listed}")
+    at = [c.index for c in channels].index(own) if wanted is None else keys.index(wanted) % len(names)
     if len(channels) == 1:
         return channels[at], "", ""
     return channels[at], names[at], f"channel {at + 1} {names[at]!r} of {listed}: --channel chooses another"

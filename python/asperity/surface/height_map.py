@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import math
 from contextlib import suppress
+from dataclasses import field as dataclass_field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -21,7 +22,7 @@ from pydantic import PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.declaration import LENGTH, declared, key
+from asperity.runtime.declaration import LENGTH, SCRIPT, declared, key
 from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Side, light_depth, short_wave_share
 from asperity.surface.height_files import ARRAYS, EXACT, TEXT
@@ -70,17 +71,22 @@ class HeightMap(SplineSurface):
         "side of the square patch", LENGTH, default=None, shown="that of the file, required where it has none"
     )
 
+    field: Annotated[Any, *SCRIPT] = dataclass_field(default=None, repr=False)  # the HeightField
+
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
-        if Path(self.path).suffix.lower() not in (*ARRAYS, *TEXT):
+        where = f"{self.path}: " if self.field is None else ""
+        if where and Path(self.path).suffix.lower() not in (*ARRAYS, *TEXT):
             raise InputError(
-                f"{self.path}: a case reads {', '.join((*ARRAYS, *TEXT))}; asperity import-map makes a surface of the "
-                "files of instruments"
+                f"{where}a case reads {', '.join((*ARRAYS, *TEXT))}; asperity import-map makes a surface of the files "
+                "of instruments"
             )
-        self._set(HeightField.read(self.path, side=self.L), f"{self.path}: ")
+        self._complete(field=HeightField.read(self.path, side=self.L) if self.field is None else None)
+        _check_patch(self.field, where)
+        object.__setattr__(self, "L", Flat(L=self.field.size[0]).L)  # which refuses a side that is not legal
         super().__post_init__()
 
     @classmethod
@@ -94,39 +100,18 @@ class HeightMap(SplineSurface):
         Raises:
             InputError: another shape, a height that is not finite, or an illegal side
         """
-        surface = cls.__new__(cls)
-        object.__setattr__(surface, "path", "")
-        surface._set(HeightField.of(np.asarray(z, dtype=float), L))
-        return surface
+        return cls(path="", field=HeightField.of(np.asarray(z, dtype=float), L))
 
-    def _set(self, field: HeightField, where: str = "") -> None:
-        """Take the heights of a field, which must be square, complete, and plausible."""
-        z, (L, other) = field.z, field.size
-        if not math.isclose(L, other, rel_tol=EXACT):
-            raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
-        if max(z.shape) > MOST:
-            raise InputError(
-                f"{where}{z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a "
-                "window (asperity import-map --window), or filter the map and keep every second height"
-            )
-        if len(bad := np.argwhere(np.isnan(z))):
-            raise InputError(
-                f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column {bad[0][1]}; "
-                "asperity import-map fills gaps."
-            )
-        L = Flat(L=L).L  # refuses a side that is not legal
-        if not (np.ptp(z / L) <= DEEPEST and np.abs(z / L).max() <= FARTHEST):
-            raise InputError(
-                f"{where}heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not plausible; "
-                "give heights and surface.L in the same unit (m)."
-            )
-        for name, value in {"L": L, "heights": z, "notes": tuple(f"{where}{note}" for note in field.notes)}.items():
-            object.__setattr__(self, name, value)
+    @property
+    def heights(self) -> Array:
+        """Heights of the map (ny, nx), index [iy, ix] (length)."""
+        z: Array = self.field.z
+        return z
 
-    @cached_property
+    @property
     def notes(self) -> tuple[str, ...]:
         """How the file was read."""
-        return ()
+        return tuple(f"{self.path}: {note}" for note in self.field.notes)
 
     @cached_property
     def about(self) -> dict[str, Any]:
@@ -138,16 +123,25 @@ class HeightMap(SplineSurface):
         return {}
 
     @cached_property
-    def _interpolation(self) -> tuple[BivariateSpline, float]:
-        return _interpolated(self.heights, self.L)
+    def spline_rise(self) -> float:
+        """Rise above the heights that a cubic spline has (length), 0 where the surface is that spline."""
+        rise = _ringing(self.heights, self._cubic(*map(_with_middles, self._nodes)))
+        return rise if rise > MATTERS * light_depth(self.heights) else 0.0
 
     @property
-    def spline_rise(self) -> float:
-        """Rise above the heights that a spline without limited slopes has (length), 0 if none is limited."""
-        return self._interpolation[1]
+    def _nodes(self) -> tuple[Array, Array]:
+        """Places of the heights along y (ny,) and along x (nx,) (length)."""
+        ny, nx = self.heights.shape
+        return np.linspace(0, self.L, ny), np.linspace(0, self.L, nx)
+
+    @cached_property
+    def _cubic(self) -> BivariateSpline:
+        from scipy.interpolate import RectBivariateSpline
+
+        return RectBivariateSpline(*self._nodes, self.heights, s=0)
 
     def _make_spline(self) -> BivariateSpline:
-        return self._interpolation[0]
+        return _limited(self.heights, *self._nodes) if self.spline_rise else self._cubic
 
     @property
     def feature_size(self) -> float:
@@ -234,19 +228,33 @@ class HeightMap(SplineSurface):
         return global_maximum(self, (x, y))
 
 
-def _interpolated(z: Array, L: float) -> tuple[BivariateSpline, float]:
-    """Spline through heights, and how far a cubic one would rise above them (length) where it was not taken, else 0.
+def _check_patch(field: HeightField, where: str) -> None:
+    """Refuse (InputError) a field that is not square, complete and plausible."""
+    z, (L, other) = field.z, field.size
+    ny, nx = z.shape
+    if not math.isclose(L, other, rel_tol=EXACT):
+        raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
+    if max(z.shape) > MOST:
+        raise InputError(
+            f"{where}{nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window (asperity "
+            "import-map --window), or filter the map and keep every second height"
+        )
+    if len(bad := np.argwhere(np.isnan(z))):
+        raise InputError(
+            f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column {bad[0][1]}; "
+            "asperity import-map fills gaps."
+        )
+    if not (np.ptp(z / L) <= DEEPEST and np.abs(z / L).max() <= FARTHEST):
+        raise InputError(
+            f"{where}heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not plausible; "
+            "give heights and surface.L in the same unit (m)."
+        )
 
-    Args:
-        z: heights (ny, nx) on the square [0, L]^2 (length)
-    """
-    from scipy.interpolate import BivariateSpline, PchipInterpolator, RectBivariateSpline
 
-    y, x = (np.linspace(0, L, n) for n in z.shape)
-    spline = RectBivariateSpline(y, x, z, s=0)
-    rise = _ringing(z, spline(_with_middles(y), _with_middles(x)))
-    if rise <= MATTERS * light_depth(z):
-        return spline, 0.0
+def _limited(z: Array, y: Array, x: Array) -> BivariateSpline:
+    """Spline through heights (ny, nx) at y (ny,) and x (nx,) that exceeds none of them (length)."""
+    from scipy.interpolate import BivariateSpline, PchipInterpolator
+
     slopes = (step * PchipInterpolator(at, z, axis=axis)(at, 1) for at, step, axis in ((x, x[1], 1), (y, y[1], 0)))
     signs, knots = [], []
     for n, step in zip(z.shape, (y[1], x[1]), strict=True):
@@ -256,7 +264,7 @@ def _interpolated(z: Array, L: float) -> tuple[BivariateSpline, float]:
         knots.append(step * np.repeat(np.arange(n), [4, *[2] * (n - 2), 4]))
     heights, dx, dy = (np.repeat(np.repeat(f, 2, axis=0), 2, axis=1) for f in (z, *slopes))
     c = heights + signs[1] * dx + signs[0][:, None] * dy
-    return BivariateSpline._from_tck((*knots, c.ravel(), 3, 3)), rise
+    return BivariateSpline._from_tck((*knots, c.ravel(), 3, 3))
 
 
 def _ringing(z: Array, fine: Array) -> float:

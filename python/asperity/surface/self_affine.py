@@ -65,7 +65,7 @@ class SelfAffine(SplineSurface):
 
     H: Real = key("Hurst exponent", ge=0.001, le=1, hint="0.8 is a usual value")
     lambda_short: Positive = key("shortest wavelength", LENGTH, hint="0.05 L for a first run")
-    lambda_roll: Positive | None = key("roll-off wavelength", LENGTH, default=None, shown="L")
+    lambda_roll: Positive = key("roll-off wavelength", LENGTH, default=None, shown="L")
     rms_height: Real | None = key(
         "rms height with the waves shorter than lambda_short included (or rms_slope)",
         LENGTH,
@@ -87,8 +87,7 @@ class SelfAffine(SplineSurface):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "lambda_roll", self.L if self.lambda_roll is None else self.lambda_roll)
-        assert self.lambda_roll is not None
+        self._complete(lambda_roll=self.L)
         period = f"the period, {self.period:g} by surface.L and surface.periodic"
         rule = f"a length up to {period}, and not below surface.lambda_short = {self.lambda_short:g}"
         check(self.lambda_short <= self.lambda_roll <= self.period, "lambda_roll", self.lambda_roll, rule)
@@ -120,7 +119,6 @@ class SelfAffine(SplineSurface):
 
     def _shape(self, m: Array, n: Array) -> Array:
         """Amplitudes over that at the roll-off of waves with m along y and n along x per period."""
-        assert self.lambda_roll is not None
         over_roll = np.sqrt(self.aspect * n**2 + m**2 / self.aspect) * (self.lambda_roll / self.period)
         with np.errstate(divide="ignore"):
             law = over_roll ** (-1 - self.H)
@@ -133,7 +131,6 @@ class SelfAffine(SplineSurface):
     @cached_property
     def _ideal_sum(self) -> float:
         """Mean square of the heights with waves of all lengths, with amplitude 1 at the roll-off."""
-        assert self.lambda_roll is not None
         roll = self.period / self.lambda_roll
         reach = max(float(_SUMMED), 4 * roll)
         most = math.floor(reach * self._stretch)

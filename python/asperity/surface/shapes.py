@@ -1,4 +1,4 @@
-"""Surfaces with a textbook contact solution, and indenters: sphere, cone, pyramid, sinusoid, flat."""
+"""Surfaces with a textbook contact solution, and indenters: sphere, cone, pyramid, flat."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.runtime.declaration import LENGTH, Choices, Real, Whole, declared, key
-from asperity.surface.base import Surface, check, short_wave_share
+from asperity.surface.base import Surface, check
 
 Point = tuple[Real, Real]
 SHARP = 1e-9  # radius of an edge or a tip that counts as sharp [L]
 
 
-def _on_patch(centre: Point | None, L: float) -> Point:
+def on_patch(centre: Point | None, L: float) -> Point:
     """A point of the patch, its middle where none is given (length)."""
     point = (L / 2, L / 2) if centre is None else centre
     check(all(0 <= c <= L for c in point), "centre", point, f"two coordinates between 0 and surface.L = {L:g}")
@@ -67,11 +67,11 @@ class Flat(Surface):
 class Bump(Surface):
     """A body of revolution with its apex at height 0: a cap of a sphere and the tangent cone beyond."""
 
-    centre: Point | None = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
+    centre: Point = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
+        self._complete(centre=on_patch(self.centre, self.L))
 
     @property
     def _cap(self) -> tuple[float, float]:
@@ -91,7 +91,6 @@ class Bump(Surface):
         return z, over_r, bend
 
     def _offset(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        assert self.centre is not None
         x, y = _points(x, y)
         dx, dy = x - self.centre[0], y - self.centre[1]
         return dx, dy, np.hypot(dx, dy)
@@ -115,7 +114,6 @@ class Bump(Surface):
 
     def maximum(self) -> tuple[float, float, float]:
         """Apex (x, y, z) (length)."""
-        assert self.centre is not None
         return (*self.centre, 0.0)
 
 
@@ -197,7 +195,7 @@ class Pyramid(Surface):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
+        object.__setattr__(self, "centre", on_patch(self.centre, self.L))
 
     def _faces(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         """Heights of the planes of all faces (..., faces), and their slopes along x and y (faces, 2)."""
@@ -226,81 +224,3 @@ class Pyramid(Surface):
         """Apex (x, y, z) (length)."""
         assert self.centre is not None
         return (*self.centre, 0.0)
-
-
-@declared("surface", eq=False, kw_only=True)
-class Sinusoid(Surface):
-    """Wavy surface: z = A cos(k (x - x0)), or A cos(k (x - x0)) cos(k (y - y0)) with dims = 2; k = 2 pi/lambda.
-
-    >>> from asperity.surface import Sinusoid
-    >>> wave = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, centre=(0.0, 0.0))
-    >>> float(wave.height(0.25, 0.7))
-    -0.01
-    """
-
-    amplitude: Real = key("half of peak to valley", LENGTH, share=(1e-9, 1.0))
-    wavelength: Real | None = key("wavelength", LENGTH, default=None, shown="L", share=(1e-3, 1e3))
-    dims: Whole = key("1: waves along x; 2: along x and y", default=1, ge=1, le=2)
-    centre: Point | None = key("position of a crest (x, y)", LENGTH, default=None, shown="middle of the patch")
-
-    kind: ClassVar[str] = "sinusoid"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "wavelength", self.L if self.wavelength is None else self.wavelength)
-        object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
-
-    @property
-    def _k(self) -> tuple[float, float]:
-        assert self.wavelength is not None
-        k = 2 * math.pi / self.wavelength
-        return k, k * (self.dims - 1)
-
-    @property
-    def feature_size(self) -> float:
-        """The wavelength (length)."""
-        assert self.wavelength is not None
-        return self.wavelength
-
-    def short_waves(self, wavelength: float, depth: float) -> float:
-        rms = self.amplitude * math.sqrt(0.5**self.dims)
-        return rms * float(short_wave_share(2 * math.pi / math.hypot(*self._k), wavelength))
-
-    def _angles(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        assert self.centre is not None
-        x, y = _points(x, y)
-        return self._k[0] * (x - self.centre[0]), self._k[1] * (y - self.centre[1])
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        u, v = self._angles(x, y)
-        return self.amplitude * np.cos(u) * np.cos(v)
-
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        u, v = self._angles(x, y)
-        kx, ky = self._k
-        return (-self.amplitude * kx * np.sin(u) * np.cos(v), -self.amplitude * ky * np.cos(u) * np.sin(v))
-
-    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        u, v = self._angles(x, y)
-        kx, ky = self._k
-        z = self.amplitude * np.cos(u) * np.cos(v)
-        return -(kx**2) * z, self.amplitude * kx * ky * np.sin(u) * np.sin(v), -(ky**2) * z
-
-    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        damping = np.exp(-0.5 * np.asarray(s, dtype=float) ** 2 * sum(k**2 for k in self._k))
-        return np.asarray(damping * self.height(x, y))
-
-    @property
-    def periodic(self) -> bool:
-        """Whether L is a multiple of the wavelength."""
-        assert self.wavelength is not None
-        waves = self.L / self.wavelength
-        return round(waves) > 0 and math.isclose(waves, round(waves), rel_tol=1e-9)
-
-    def curvature_bound(self) -> float:
-        return self.amplitude * self._k[0] ** 2
-
-    def maximum(self) -> tuple[float, float, float]:
-        """Crest (x, y, z) at the centre (length)."""
-        assert self.centre is not None
-        return (*self.centre, self.amplitude)
