@@ -51,12 +51,12 @@ def test_a_deck_has_nodes_elements_and_surfaces(tmp_path: Path, made: Any) -> No
     assert np.all(
         straight < 0.1 * np.linalg.norm(ends[1] - ends[0], axis=2)
     )  # middles of the edges that they belong to
-    top = np.array([n for line in parts["NSET, NSET=NTOP"] for n in line], int) - 1
+    top = np.array([n for line in parts["NSET, NSET=TOP"] for n in line], int) - 1
     np.testing.assert_allclose(block.points[top, 2], block.heights(surface)[top], atol=1e-13)
     covered = []
     for name in ("TOP", "BASE", "SIDES"):
         area = 0.0
-        for cell, side in parts[f"SURFACE, NAME=S{name}, TYPE=ELEMENT"]:
+        for cell, side in parts[f"SURFACE, NAME={name}, TYPE=ELEMENT"]:
             a, b, c = block.points[tets[int(cell) - 1, ABAQUS_FACES[int(side[1]) - 1]]]
             area += 0.5 * float(np.cross(b - a, c - a)[2])
         covered.append(area / 1e-8)

@@ -416,7 +416,7 @@ def test_a_link_in_the_folder_of_a_run_is_not_followed(tmp_path: Path, name: str
 
 
 def test_the_list_names_every_picture_and_each_file_once() -> None:
-    assert set(CAPTIONS) == set(PICTURES) - {"plasticity", "scene", "slip_map"}  # of older versions
+    assert set(CAPTIONS) == set(PICTURES)
     assert len(set(PRODUCTS)) == len(PRODUCTS)
 
 

@@ -18,7 +18,6 @@ from asperity.runtime.parallel import agree
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import LOG
 from asperity.runtime.run_log import logged
-from asperity.runtime.usage import clocked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,7 +140,7 @@ def run(
             if done is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
             files.open(resume, force)
-            with nullcontext() if out is None else StopRequest(comm) as request, clocked() as clock:
+            with nullcontext() if out is None else StopRequest(comm) as request:
                 from asperity.job.solve import solve_case
                 from asperity.job.stages import Job
 
@@ -155,7 +154,7 @@ def run(
                     more = "; --resume continues from the last step saved" if files.saved() else ""
                     raise OutputError(f"{e}{more}") from None
                 files.curve(solved.contact.curve, whole=solved.accurate is not None)
-                job = Job(whole, solved, files, log, progress, comm, clock)
+                job = Job(whole, solved, files, log, progress, comm)
                 job.follow()
                 if job.failure is not None:
                     raise job.failure

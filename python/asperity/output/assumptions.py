@@ -102,9 +102,7 @@ class Evidence:
         curve: its curve
         problem: what was solved, with the kinematics of the run
         si: whether lengths are in m and stresses in Pa
-        tolerance: of the force, None on one mesh
         h: size of the elements in the contact of a run on one mesh [length]; None otherwise
-        roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
         small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
@@ -115,9 +113,7 @@ class Evidence:
     curve: Curve
     problem: Problem
     si: bool = False
-    tolerance: float | None = None
     h: float | None = None
-    roughness: float | None = None
     small_strain: tuple[float, float] | None = None
     density: float | None = None
     vibration: Numbers | None = None
@@ -199,18 +195,13 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
         )  # fmt: skip
 
 
-def _resolution(run: Evidence) -> Iterator[Assumption]:
-    """Waves that the mesh of a bar leaves out; cells that keep their volume where they flow, on one mesh."""
-    surface, material = run.problem.surface, run.problem.material
-    if run.roughness is not None and run.tolerance is not None:
-        yield Assumption(
-            "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
-            "half-space estimate with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off",
-        )  # fmt: skip
-    elif run.h is not None and material.plastic and not material.relaxes:
+def _locking(run: Evidence) -> Iterator[Assumption]:
+    """Cells that keep their volume where they flow, on one mesh."""
+    material = run.problem.material
+    if run.h is not None and material.plastic and not material.relaxes:
         yield Assumption(
             "locking: force by a law whose cells keep their volume where they flow",
-            LOCKING * run.h / surface.L, 100 * ONE_MESH, "% of the force",
+            LOCKING * run.h / run.problem.surface.L, 100 * ONE_MESH, "% of the force",
             "self-affine surfaces without hardening (docs/extend.md)",
             "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warns=True,
         )  # fmt: skip
@@ -332,5 +323,5 @@ def _radiation(run: Evidence) -> Iterator[Assumption]:
 
 #: Generators of lines in the order of the list.
 SUBJECTS: tuple[Callable[[Evidence], Iterator[Assumption]], ...] = (
-    _strain, _resolution, _patch, _block, _added, _size, _radiation,
+    _strain, _locking, _patch, _block, _added, _size, _radiation,
 )  # fmt: skip

@@ -55,6 +55,17 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     return figure
 
 
+@style.styled
+def pressure_map(results: Results, on_patch: Raster, i: int, highest: float) -> Figure:
+    """Draw the contact pressure of a snapshot; `highest` is that of the colour scale [force/length^2]."""
+    figure, (axis,) = style.figure(style.SINGLE, 4.0, _title(results, i))
+    scale, unit = prefix(highest, results.unit("stress"))
+    look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale}
+    image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
+    figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("contact pressure", unit))
+    return figure
+
+
 def _around_peak(results: Results, i: int) -> Array:
     """Square around the greatest pressure of a snapshot, four radii of the largest spot wide (2, 2)."""
     top, points = results.top, results.top["points"]

@@ -14,6 +14,8 @@ from PIL import Image
 from asperity.arrays import Array
 from asperity.output.raster import PIXELS, Raster
 from asperity.output.results import Results
+from asperity.plot import style
+from asperity.plot.contact import pressure_map
 from asperity.units import quantity
 
 NODES = 134  # of the shape along each side, every third pixel of the map: 48 kB
@@ -33,7 +35,8 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
         None without pressure, else what the page shows: nodes of the shape along each side; heights, base64 of 16
         bits each from lowest to highest, rows in y; colours, base64 of a PNG file, the pressure over the patch, its
         first row at y = 0; relief, the range of the heights over the side as shown; scale, the colours of the legend;
-        highest, the greatest pressure with its unit; caption
+        highest, the greatest pressure with its unit; side and range, of the patch and of the heights with their unit;
+        caption
     """
     top = results.top
     if not np.any(top["pressure"] > 0.0):
@@ -43,8 +46,10 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
     z = -on_grid(below)[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the plane of the flat
     span = float(np.ptp(z)) or 1.0
     highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
-    factor = RELIEF * float(np.ptp(top["points"][:, 0])) / span
-    approach = quantity(float(top["delta"][i]), results.unit("length"), 3)
+    length, side = results.unit("length"), float(np.ptp(top["points"][:, 0]))
+    row, load = results.curve.where(results.curve.step == int(top["steps"][i])), ""
+    if len(row):
+        load = f" under a load of {quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))},"
     return {
         "nodes": len(z),
         "heights": base64.b64encode(np.round((z - z.min()) / span * 65535).astype("<u2").tobytes()).decode(),
@@ -52,12 +57,14 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
         "relief": RELIEF,
         "scale": ", ".join(to_hex(colour) for colour in colormaps["inferno_r"](np.linspace(0.0, 1.0, 9))),
         "highest": quantity(highest, results.unit("stress"), 3),
-        "caption": f"The surface at the greatest approach, {approach}, with the contact pressure; "
-        f"heights {factor:.2g} times enlarged. Drag it, or use the arrow keys.",
+        "side": quantity(side, length, 3),
+        "range": quantity(span, length, 3),
+        "caption": f"The surface at the greatest approach, {quantity(float(top['delta'][i]), length, 3)},{load} with the "
+        f"contact pressure; heights {RELIEF * side / span:.2g} times enlarged. Drag it, or use the arrow keys.",
     }
 
 
-def growing_spots(on_grid: Raster) -> str | None:
+def growing_spots(results: Results, on_grid: Raster) -> str | None:
     """Pressure at the saved steps of the loading, one after the other: base64 of an animated PNG file.
 
     None with fewer than two steps under pressure.
@@ -67,8 +74,8 @@ def growing_spots(on_grid: Raster) -> str | None:
     if len(levels) < 2:
         return None
     highest = max(float(top["pressure"][i].max()) for i in levels)
-    frames = [_picture(on_grid.pressure(i)[::-1], highest) for i in levels]
-    palette = frames[-1].quantize(64)  # one for all frames, as the format has it
+    frames = [style.pixels(pressure_map(results, on_grid, i, highest)) for i in levels]
+    palette = frames[-1].quantize(128)  # one for all frames, as the format has it
     return _png([frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames])
 
 

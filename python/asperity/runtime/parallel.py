@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from asperity.errors import AsperityError, OutputError
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.progress import tell
-from asperity.runtime.usage import count_alone
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -67,7 +66,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
 
     Every rank raises the AsperityError of `work`, for an OSError an OutputError.
     """
-    result, error = _attempt(work, alone=True) if comm.rank == 0 else (None, None)
+    result, error = _attempt(work) if comm.rank == 0 else (None, None)
     if failure := comm.bcast(error, root=0):
         raise failure
     return result
@@ -82,7 +81,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
-    outcome = _attempt(work, alone=True) if comm is None or comm.rank == 0 else (None, None)
+    outcome = _attempt(work) if comm is None or comm.rank == 0 else (None, None)
     result, failure = outcome if comm is None else comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
@@ -98,26 +97,17 @@ def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], object]], near: bool = F
 
     places = comm.allgather(MPI.Get_processor_name())
     busy = [rank for rank, place in enumerate(places) if not near or place == places[0]]
-    since = time.perf_counter()
     failure = None
     if comm.rank in busy:
         for task in tasks[busy.index(comm.rank) :: len(busy)]:
             failure = failure or _attempt(task)[1]
-    spent = time.perf_counter() - since
-    spents, failures = zip(*comm.allgather((spent, failure)), strict=True)
-    if comm.rank == 0:
-        count_alone(max(spents) - sum(spents) / len(busy))
-    for error in failures:
-        if error is not None:
-            raise error
+    _raise_first(comm, failure)
 
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """Do the same work on every rank; the error of the lowest rank where it fails is raised on all, as by `on_root`."""
     result, failure = _attempt(work)
-    first = next((error for error in comm.allgather(failure) if error is not None), None)
-    if first is not None:
-        raise first
+    _raise_first(comm, failure)
     return cast(T, result)
 
 
@@ -132,18 +122,21 @@ def summed(comm: MPI.Comm, *values: float) -> Floats:
     return found
 
 
-def _attempt(work: Callable[[], T], alone: bool = False) -> tuple[T | None, AsperityError | None]:
-    """Result of `work` and None, or None and its error; whether other ranks wait for it."""
-    since = time.perf_counter()
+def _raise_first(comm: MPI.Comm, failure: AsperityError | None) -> None:
+    """Raise the error of the lowest rank that has one on all ranks; collective."""
+    for error in comm.allgather(failure):
+        if error is not None:
+            raise error
+
+
+def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
+    """Result of `work` and None, or None and its error."""
     try:
         return work(), None
     except AsperityError as error:
         return None, error
     except OSError as error:
         return None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
-    finally:
-        if alone:
-            count_alone(time.perf_counter() - since)
 
 
 def _print_error(message: str) -> None:
