@@ -32,6 +32,7 @@ from asperity.plot import (
     receptance,
     response,
     save,
+    slip,
     stiffness,
     surface_map,
 )
@@ -39,6 +40,7 @@ from asperity.plot.contact import pressed_thirds
 from asperity.plot.curves import local_exponent
 from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
+from asperity.slip import SlipSettings, slip_of_curve
 
 
 @pytest.fixture(scope="module")
@@ -216,6 +218,23 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
     ]
     assert hertz * top.get_xlim()[1] == pytest.approx(numbers.frequency * own.get_xlim()[1])
     assert metres * right.get_ylim()[1] == pytest.approx(own.get_ylim()[1] / numbers.stiffness)
+
+
+def test_the_loops_of_slip_are_apart_and_have_the_energy_of_a_cycle(tmp_path: Path) -> None:
+    """The displacement without slip takes nothing from the area of a loop, and narrows its width."""
+    z, steel = np.linspace(0.0, 1e-8, 41), asp.Material(E=200e9, nu=0.3)
+    settings = SlipSettings(friction=0.3, amplitudes=(0.2, 0.4, 0.6, 0.8), steps=100)
+    curve = Curve.from_rows([{"delta": d, "force": 2e9 * d**1.5} for d in z[1:]])
+    found = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6)
+    found.write(tmp_path)
+    curve.write(tmp_path / "curve.csv")
+    loops = [line.get_xydata()[100:] for line in slip(Results.read(tmp_path)).axes[0].lines]
+    areas = np.array([0.5 * abs(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) for x, y in (loop.T for loop in loops)])
+    energy = np.array([row["energy"] for row in found.loops()])
+    np.testing.assert_allclose(areas / areas[-1], energy / energy[-1], rtol=0.02)
+    width, reach = (np.array([np.ptp(loop[:, 0][np.argsort(np.abs(loop[:, 1]))[:2]]) for loop in loops]),
+                    np.array([np.ptp(loop[:, 0]) for loop in loops]))  # fmt: skip
+    assert np.all(width > 0.2 * reach) and np.all(np.diff(np.log(reach)) > 0.4)
 
 
 def test_the_suffix_is_that_of_a_picture(tmp_path: Path) -> None:

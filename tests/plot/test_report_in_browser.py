@@ -33,6 +33,12 @@ BROKEN = """
 const bad = (i) => !i.complete || i.naturalWidth === 0;
 return [...document.querySelectorAll("img[src]")].filter(bad).map((i) => i.alt);
 """
+# Boxes that scroll sideways, of those that may, and of these the ones that say so.
+SCROLLS = """
+const wide = [...document.querySelectorAll(".wide, .scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1);
+const said = wide.filter((e) => getComputedStyle(e, "::before").content.includes("scroll"));
+return [wide.length, said.length];
+"""
 SMALLEST = """
 const size = (e) => parseFloat(getComputedStyle(e).fontSize);
 return Math.min(...[...document.querySelectorAll("p, td, th, li, small")].map(size));
@@ -83,6 +89,8 @@ def test_nothing_is_cut_off_and_all_pictures_are_there(chromium: Any, report: Pa
             "document.querySelectorAll('details').forEach((d) => { d.open = arguments[0]; })", opened
         )
         assert chromium.execute_script(CUT_OFF) == []
+    scrolling, said = chromium.execute_script(SCROLLS)
+    assert scrolling == (said if width == WIDTHS["phone"] else 1) and (scrolling > 4) == (width == WIDTHS["phone"])
     assert chromium.execute_script(BROKEN) == []
     assert chromium.execute_script("return document.querySelectorAll('img[src]').length") == 8
     assert chromium.get_log("browser") == []

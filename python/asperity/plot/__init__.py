@@ -28,13 +28,10 @@ __all__ = [
 ]  # fmt: skip
 
 
-_STATIC = (
-    "The displacement from the static approach z_s, over z_s, is u; the frequency of small vibration is ω_s, and k_n its "
-    "stiffness."
-)
+_STATIC = "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
 _FORCE = (
-    "The amplitude of the excitation is F̂: that of the force over k_n z_s, of the motion of the base b over z_s, or of "
-    "the acceleration of the base over ω_s² z_s. The static load is W."
+    "The amplitude F̂ of the excitation is that of the force over kₙ zₛ, that of the base over zₛ, or that of the "
+    "acceleration of the base over ωₛ² zₛ; the static load is W."
 )
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {

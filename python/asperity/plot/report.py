@@ -184,7 +184,7 @@ def _figure(path: Path) -> dict[str, Any]:
     return {
         "caption": CAPTIONS.get(path.stem, path.stem),
         "width": f"{width:.0f}",
-        "wide": width > 700,  # a narrow screen scrolls it
+        "wide": width > 580,  # a narrow screen scrolls it
         "kind": "svg+xml" if path.suffix == ".svg" else "png",
         "data": base64.b64encode(data).decode(),
     }

@@ -74,9 +74,7 @@ def growing_spots(results: Results, on_grid: Raster) -> str | None:
     if len(levels) < 2:
         return None
     highest = max(float(top["pressure"][i].max()) for i in levels)
-    frames = [style.pixels(pressure_map(results, on_grid, i, highest)) for i in levels]
-    palette = frames[-1].quantize(128)  # one for all frames, as the format has it
-    return _png([frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames])
+    return _png([style.pixels(pressure_map(results, on_grid, i, highest)) for i in levels])
 
 
 def _picture(pressure: Array, highest: float) -> Image.Image:
