@@ -39,6 +39,15 @@ const wide = [...document.querySelectorAll(".wide, .scroll")].filter((e) => e.sc
 const said = wide.filter((e) => getComputedStyle(e, "::before").content.includes("scroll"));
 return [wide.length, said.length];
 """
+# Texts that a page writes on its surface, with their places.
+RECORD = """
+window.written = [];
+const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  written.push([text, x / this.canvas.width, y / this.canvas.height]);
+  write.call(this, text, x, y);
+};
+"""
 SMALLEST = """
 const size = (e) => parseFloat(getComputedStyle(e).fontSize);
 return Math.min(...[...document.querySelectorAll("p, td, th, li, small")].map(size));
@@ -68,6 +77,7 @@ def chromium() -> Iterator[Any]:
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(executable_path=DRIVER))
+    driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": RECORD})
     yield driver
     driver.quit()
 
@@ -130,6 +140,10 @@ def test_the_surface_turns(chromium: Any, report: Path, width: int) -> None:
     show(chromium, report, width)
     canvas = chromium.find_element("css selector", "canvas.turn")
     assert canvas.is_displayed() and canvas.size["width"] <= width
+    after_drawing(chromium)
+    written = chromium.execute_script("return written")
+    assert {text for text, *_ in written} == {"x, 1 µm", "y, 1 µm", canvas.get_attribute("data-range")}
+    assert all(0.0 < place < 1.0 for _, *places in written for place in places)
     for _ in range(10):
         canvas.send_keys(Keys.ARROW_DOWN)
     drawn, loaded, above = after_drawing(chromium)

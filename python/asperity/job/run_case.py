@@ -55,16 +55,6 @@ class RunResult:
             raise InputError(f"there is no figure {name!r} of this result: choose {', '.join(drawn) or 'none'}")
         return drawn[name](results)
 
-    def _repr_html_(self) -> str:
-        """Picture and sentences for a notebook."""
-        from html import escape
-
-        from asperity.output.results import Results
-        from asperity.output.verdict import verdict
-
-        sentences = verdict(Results(Path(), self.curve, summary=self.summary))
-        return self.curve._repr_html_() + "".join(f"<p>{escape(text)}</p>" for text in sentences)
-
     def __repr__(self) -> str:
         law = "no fit" if self.fit is None else "k = {}, n = {}".format(*with_misfit(self.fit.to_dict()))
         return f"RunResult({self.curve!r}, {law}, {brief(self.summary.get('exit_reason'))})"

@@ -161,7 +161,7 @@ def _assumptions(job: Job) -> None:
         job.summary["patches"] = patches.to_dict()
     for line in lines:
         text = describe(line.to_dict())
-        if line.verdict == DOUBTFUL and line.warns:
+        if line.verdict == DOUBTFUL and line.warned:
             warn(text, AssumptionWarning)
         elif line.verdict == DOUBTFUL:
             logging.getLogger(__name__).info("doubtful: %s", text)

@@ -224,7 +224,11 @@ def _text(whole: Interface, to: str) -> str:
         friction = FRICTION[to].format(mu=mu, stick=stick, slip=mu * pressure / stick)
         about.append(f"stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}")
     if deck:
-        z, p, k = np.append(z, z[-1] + (BEYOND - 1.0) * p[-1] / k[-1]), np.append(p, BEYOND * p[-1]), np.append(k, k[-1])
+        z, p, k = (
+            np.append(z, z[-1] + (BEYOND - 1.0) * p[-1] / k[-1]),
+            np.append(p, BEYOND * p[-1]),
+            np.append(k, k[-1]),
+        )
     head = "\n".join(f"{mark} {line}" for words in about for line in wrap(comment(words), _WIDTH))
     points = zip(z.tolist(), p.tolist(), k.tolist(), strict=True)
     rows = "\n".join(row.format(z=at, p=value, k=slope) for at, value, slope in points)

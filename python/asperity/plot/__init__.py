@@ -28,7 +28,9 @@ __all__ = [
 ]  # fmt: skip
 
 
-_STATIC = "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
+_STATIC = (
+    "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
+)
 _FORCE = (
     "The amplitude F̂ of the excitation is that of the force over kₙ zₛ, that of the base over zₛ, or that of the "
     "acceleration of the base over ωₛ² zₛ; the static load is W."

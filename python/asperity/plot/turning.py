@@ -47,6 +47,7 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
     span = float(np.ptp(z)) or 1.0
     highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
     length, side = results.unit("length"), float(np.ptp(top["points"][:, 0]))
+    approach = quantity(float(top["delta"][i]), length, 3)
     row, load = results.curve.where(results.curve.step == int(top["steps"][i])), ""
     if len(row):
         load = f" under a load of {quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))},"
@@ -59,8 +60,8 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
         "highest": quantity(highest, results.unit("stress"), 3),
         "side": quantity(side, length, 3),
         "range": quantity(span, length, 3),
-        "caption": f"The surface at the greatest approach, {quantity(float(top['delta'][i]), length, 3)},{load} with the "
-        f"contact pressure; heights {RELIEF * side / span:.2g} times enlarged. Drag it, or use the arrow keys.",
+        "caption": f"The surface at the greatest approach, {approach},{load} with the contact pressure; "
+        f"heights {RELIEF * side / span:.2g} times enlarged. Drag it, or use the arrow keys.",
     }
 
 
