@@ -36,9 +36,8 @@ from asperity.plot import (
     stiffness,
     surface_map,
 )
-from asperity.plot.contact import pressed_thirds
+from asperity.plot.contact import growing_spots, pressed_thirds, turning_surface
 from asperity.plot.curves import local_exponent
-from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
 from asperity.slip import SlipSettings, slip_of_curve
 

@@ -14,10 +14,9 @@ from asperity.errors import InputError, OutputError
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
 from asperity.runtime.display import brief
-from asperity.runtime.parallel import agree
-from asperity.runtime.progress import Progress
+from asperity.runtime.parallel import StopRequest, agree
+from asperity.runtime.progress import Progress, logged
 from asperity.runtime.run_folder import LOG
-from asperity.runtime.run_log import logged
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,8 +107,6 @@ def run(
         ['.lock', 'case.toml', 'checkpoint', 'curve.csv', 'run.log', 'summary.json']
     """
     from mpi4py import MPI
-
-    from asperity.runtime.interrupt import StopRequest
 
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)

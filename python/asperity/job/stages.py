@@ -26,8 +26,7 @@ from asperity.output.indentation import indentation_of
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles, of_ranks
 from asperity.runtime.parallel import on_root, on_root_bcast, spread
-from asperity.runtime.progress import Progress
-from asperity.runtime.run_log import RunLog
+from asperity.runtime.progress import Progress, RunLog
 from asperity.runtime.usage import Phases
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics

@@ -16,8 +16,8 @@ from asperity.output.raster import Raster
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
+from asperity.plot.contact import growing_spots, turning_surface
 from asperity.plot.style import DPI, PAGE
-from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import points, quantity

@@ -1,14 +1,19 @@
-"""Work on rank 0, agreement between ranks, and a common end of all ranks with one message and one exit code."""
+"""Work on rank 0, agreement between ranks, and a common end of all ranks: by a signal, or with one message and code."""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
-from asperity.runtime.launch import started_ranks
+from asperity.runtime.launch import on_terminal, started_ranks
 from asperity.runtime.progress import tell
 
 if TYPE_CHECKING:
@@ -20,6 +25,8 @@ T = TypeVar("T")
 
 INTERNAL = 70  # exit code of an error that nobody has foreseen, EX_SOFTWARE of sysexits.h
 PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
+#: SIGUSR1 is the one that mpirun passes on to its ranks; SIGTERM and SIGINT it answers by killing them.
+SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
 class Ranks:
@@ -59,6 +66,44 @@ class Ranks:
         if code and size - worst[1] == self._comm.rank:
             _print_error(message)
         return int(worst[0])
+
+
+class StopRequest:
+    """Context in which the first SIGTERM, SIGINT or SIGUSR1 is only recorded; the next one ends the process at once.
+
+    It has no effect outside the main thread, where Python cannot handle signals.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self._comm = comm
+        self._noted = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> StopRequest:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {s: signal.signal(s, self._note) for s in SIGNALS}
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for s, handler in self._before.items():
+            signal.signal(s, signal.SIG_DFL if handler is None else handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._noted = number
+        for s in SIGNALS:
+            signal.signal(s, signal.SIG_DFL)
+        name = signal.Signals(number).name
+        if self._comm.rank == 0:  # the signal may have interrupted print(), which is not re-entrant
+            with suppress(OSError):  # the terminal may have gone
+                line = "\n" if on_terminal("stderr") else ""  # the live one
+                os.write(2, f"{line}{name}: the run ends after this step; a second signal ends it at once\n".encode())
+
+    def agreed(self) -> str:
+        """Name of the signal that some rank has received, empty if none; collective."""
+        from mpi4py import MPI
+
+        number = self._comm.allreduce(self._noted, op=MPI.MAX)
+        return signal.Signals(number).name if number else ""
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
