@@ -196,8 +196,6 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     parallel, seconds = summary["parallel"], summary["seconds"]
     assert len(parallel["peak_memory_MiB"]) == summary["ranks"] and min(parallel["peak_memory_MiB"]) > 10
     assert parallel["slowest_seconds"] == {name: pytest.approx(value, abs=1e-3) for name, value in seconds.items()}
-    assert 0.0 < parallel["rank_0_alone_seconds"] < sum(seconds.values())
-    assert 0.0 < parallel["serial_share"] < 1.0
     page = (folder / "report.html").read_text(encoding="utf-8")
     for words in ("contact spots", "mean gap", "elastic normal stiffness", "constriction conductance"):
         assert words in page

@@ -373,12 +373,6 @@ class AccurateResult:
             refuse_wrong(self.contact.checks, self)
         return self
 
-    def roughness_share(self) -> float | None:
-        """Greatest part of the bar that the waves left out take, over the force; None where no such part is judged."""
-        judged = judged_rows(self.curve, len(self.curve.planned()))
-        parts = relative(self.budget.roughness[judged], self.curve.P_star[judged])
-        return float(np.max(parts)) if parts.size and np.isfinite(parts).all() and parts.any() else None
-
     def to_dict(self) -> dict[str, Any]:
         """Sections "accuracy" and "error_budget" of summary.json."""
         return {

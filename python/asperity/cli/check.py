@@ -34,7 +34,7 @@ def check(case_file: str, ranks: int, output: str | None, as_json: bool, overrid
 
     Makes the meshes of a run, and refuses and warns in the same words. Estimates degrees of freedom (dofs), memory and
     time to a factor of 1.5. Only the run can judge what depends on the solution, such as plastic strains. DIR receives
-    surface.png and abbott.png. Exit code 0 when a run accepts the case, 2 when it refuses it.
+    surface.png. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case

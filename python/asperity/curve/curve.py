@@ -15,7 +15,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
-from asperity.runtime.display import nearest, optional, picture
+from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
 from asperity.runtime.text_table import decoded
 
@@ -284,21 +284,6 @@ class Curve:
             return self.fit()
         except InputError:
             return None
-
-    def to_pandas(self) -> Any:
-        """Data frame of the steps, a column each; needs the package pandas."""
-        frame = optional("pandas").DataFrame({name: getattr(self, name) for name in COLUMNS})
-        frame.attrs = dict(self.header)
-        return frame
-
-    def _repr_html_(self) -> str:
-        """Picture of force over approach, for a notebook."""
-
-        def draw(axes: Any) -> None:
-            axes.plot(self.delta, self.force)
-            axes.set(xlabel="approach", ylabel="force")
-
-        return picture(f"{self!r}", draw)
 
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""

@@ -28,6 +28,13 @@ __all__ = [
 ]  # fmt: skip
 
 
+_STATIC = (
+    "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
+)
+_FORCE = (
+    "The amplitude F̂ of the excitation is that of the force over kₙ zₛ, that of the base over zₛ, or that of the "
+    "acceleration of the base over ωₛ² zₛ; the static load is W."
+)
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
@@ -43,17 +50,18 @@ CAPTIONS = {
     "(b) Mean gap and hydraulic aperture.",
     "flow": "Flow of a film along x through the open gap at selected loads, over its mean. Pale: no flow.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
-    "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
+    f"deflection. {_STATIC} Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
-    "response": "Forced vibration: largest displacement over the excitation frequency. Diamonds joined by a "
-    "dotted line mark the onset of contact loss.",
+    "response": f"Forced vibration: largest displacement over the excitation frequency. {_STATIC} {_FORCE} Diamonds "
+    "joined by a dotted line mark the onset of contact loss.",
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
-    "has one curve for all forces; the peak of each force lies on its backbone.",
+    f"has one curve for all forces; the peak of each force lies on its backbone. {_STATIC} {_FORCE}",
     "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
-    "Shaded: out of contact.",
-    "slip": "(a) Loops of the tangential force over the displacement, by the normal curve of like bodies. "
-    "(b) Loss factor, twice the damping ratio. "
-    "(c) Amplitude of the force over that of the displacement.",
+    f"Shaded: out of contact. {_STATIC} {_FORCE}",
+    "slip": "(a) Loops of the tangential force T over the displacement by slip, u less the displacement T/k without "
+    "slip; the stiffness k is that at rest. The normal curve of like bodies gives the loops, whose area is the energy "
+    "of a cycle. (b) Loss factor, twice the damping ratio. (c) Amplitude of the force over that of the displacement. "
+    "The limit of friction is μP.",
 }
 
 
