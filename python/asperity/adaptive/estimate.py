@@ -180,7 +180,7 @@ def _steps(problem: Problem, substeps: int = 1) -> int:
     loading = len(schedule.stops())
     if problem.path_dependent and schedule.delta_max is None:
         loading = 2 * (schedule.steps * substeps + 1)
-    return sum(steps if branch == "unload" else loading for branch, steps in schedule.legs)
+    return sum(steps if branch in ("hold", "unload") else loading for branch, steps in schedule.legs)
 
 
 def _plan(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 EDGE = 0.1
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
-BRANCHES = ("load", "unload", "reload")
+BRANCHES = ("load", "hold", "unload", "reload")
 _REQUIRED = ("delta", "force")
 
 
@@ -61,7 +61,7 @@ class Curve:
     """
 
     step: Array = field(metadata=column("number of the step", kind=int))
-    branch: Array = field(metadata=column("load, unload or reload", kind=str))
+    branch: Array = field(metadata=column("load, hold, unload or reload", kind=str))
     delta: Array = field(metadata=column("approach of the flat from first contact", "length"))
     delta_star: Array = field(metadata=column("delta/L"))
     force: Array = field(metadata=column("normal force", "force"))
@@ -117,6 +117,7 @@ class Curve:
     edge_fraction: Array = field(
         metadata=column("area of the facets that the edge of the contact crosses over the nominal area")
     )
+    time: Array = field(metadata=column("from the beginning of the load path, for a law with time", "s"))
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

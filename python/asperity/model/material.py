@@ -221,8 +221,8 @@ class Material:
 
     @property
     def integrator(self) -> str:
-        """Integrator of a loading that suits the state: the midpoint rule where it is a strain."""
-        if self.law is None or self.law.declared.state_is_strain:
+        """Integrator of a loading that suits the state: the midpoint rule where it is a strain that takes no time."""
+        if self.law is None or (self.law.declared.state_is_strain and not self.law.declared.time):
             return MIDPOINT
         return BACKWARD_EULER
 
