@@ -342,6 +342,8 @@ def _advance(solver: ContactSolver, leg: ToApproach | ToForce, at: Position) -> 
         if stats.converged:
             break
         solver.counts.cutbacks += 1
+        if solver.retract():
+            at = replace(at, history=solver.delta)
         made, step = abs(target - solver.delta), 0.5 * abs(target - solver.delta)
         if step < at.shortest:
             raise ConvergenceError(
