@@ -440,6 +440,8 @@ def _advance(solver: ContactSolver, leg: Leg, at: Position) -> tuple[StepStats, 
     while not (trial := leg.solve(solver, at, step)).stats.converged:
         stats = trial.stats
         solver.counts.cutbacks += 1
+        if solver.retract():
+            at = replace(at, history=solver.delta)
         step = 0.5 * trial.length
         if step < at.shortest:
             made = f"{abs(trial.delta - solver.delta):.2g} L"
