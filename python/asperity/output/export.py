@@ -193,8 +193,8 @@ def export(folder: str | Path, to: str, path: str | Path | None = None, *, law: 
         >>> lines = asp.export("out", "abaqus").read_text().splitlines()
         >>> [line for line in lines if line.startswith("*S")]
         ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
-        >>> [line for line in lines if "linearly" in line]
-        ['** read linearly between 14 points, the pressure is off the law by up to 0.99 %, the stiffness by up to 9.1 %']
+        >>> [line.partition(",")[0] for line in lines if "linearly" in line]
+        ['** read linearly between 14 points']
     """
     if to not in EXPORTS:
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
