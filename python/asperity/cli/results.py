@@ -66,7 +66,7 @@ def export(
         written, block = export_mesh(source, to, overrides)
         about = f"{len(block.points)} nodes, {len(block.tets)} tetrahedra of second order"
     else:
-        written, about = contact.export(source, to, output, law=law or "table", load=load), "its head describes the table"
+        written, about = contact.export(source, to, output, law=law or "table", load=load), "its head says what it is"
     options.say(f"written {written}")
     options.say(about)
 

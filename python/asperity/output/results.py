@@ -135,7 +135,7 @@ class Results:
 
         Args:
             n: cells along each side
-            snapshot: number of the step among those that are kept, negative from the last
+            snapshot: number of the stored step, negative from the last
 
         Returns:
             gaps [length], index [iy, ix] (n, n)
