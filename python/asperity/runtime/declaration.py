@@ -215,7 +215,7 @@ def unknown(
 
 
 def _sentence(error: ValidationError, cls: Any) -> str:
-    """Key, value and legal values of the first error; a misspelt key, which is also a missing one, counts as misspelt."""
+    """Key, value and legal values of the first error; of a misspelt key, which is missing too, the misspelling."""
     first: Any = min(error.errors(), key=lambda each: each["type"] not in _UNKNOWN)
     kind, name = first["type"], first["loc"][0]
     fields, section = cls.__pydantic_fields__, cls.section
