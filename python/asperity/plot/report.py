@@ -164,7 +164,7 @@ def _outcome(results: Results) -> Rows:
         ("largest plastic strain", f"{curve.max_plastic_strain[top]:.3g}"),
         ("yielded volume", f"{100 * curve.plastic_fraction[top]:.3g} %"),
     ]
-    return [row for row in rows if row[1]]
+    return [row for row in rows if row[1] and not row[1].startswith("nan")]
 
 
 def _figure(path: Path) -> dict[str, Any]:
