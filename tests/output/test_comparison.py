@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import call, make_curve
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.output.comparison import compare_curves
+from asperity.output.comparison import TOLERANCES, compare_curves
 
 
 def change(curve: Curve, row: int, **values: object) -> Curve:
@@ -28,37 +30,42 @@ def test_equal_curves_have_no_differences():
     assert compare_curves(make_curve(), change(make_curve(), 1, seconds=9.0, krylov=1)) == []
 
 
-def test_differences_name_column_row_and_size():
-    reference = make_curve()
-    largest = reference.force.max()
-    other = change(reference, 2, force=reference.force[2] + 0.01 * largest)
-    (difference,) = compare_curves(other, reference)
-    assert (difference.column, difference.row) == ("force", 2)
-    assert difference.error == pytest.approx(0.01)
-    assert "at step 3, relative difference 0.01 > 1e-06" in str(difference)
-    assert compare_curves(other, reference, {"force": 0.011}) == []
-    assert [d.column for d in compare_curves(other, reference, {"P_star": 0.0})] == ["force"]
+@settings(deadline=None, derandomize=True)
+@given(
+    st.sampled_from(sorted(TOLERANCES)),
+    st.integers(0, 3),
+    st.floats(-10, 1),
+    st.none() | st.floats(-9, 0),
+    st.booleans(),
+)
+def test_a_row_that_is_off_by_more_than_the_tolerance_is_a_difference(
+    name: str, row: int, size: float, rtol: float | None, stored: bool
+) -> None:
+    """Over the greatest value of the column in the reference. A tolerance that is given, or stored with the reference,
+    is that of its column alone: all others are compared as before."""  # fmt: skip
+    tolerance = TOLERANCES[name] if rtol is None else 10.0**rtol
+    mine = None if rtol is None else {name: tolerance}
+    reference = make_curve(**{"tolerances": mine} if stored and mine else {})
+    values = getattr(reference, name)
+    scale = np.nanmax(np.abs(values))
+    other = change(reference, row, **{name: values.dtype.type(values[row] + 10.0**size * scale)})
+    off = abs(getattr(other, name)[row] - values[row]) / scale
+    assume(np.isfinite(off) and not math.isclose(off, tolerance, rel_tol=1e-6))
+    for tolerances in (None,) if stored or mine is None else (mine, mine | {"newton": 0.5}):
+        found = compare_curves(other, reference, tolerances)
+        assert [(difference.column, difference.row) for difference in found] == [(name, row)] * bool(off > tolerance)
+        for difference in found:
+            assert difference.error == pytest.approx(off)
+            assert f"at step {row + 1}, relative difference {off:.3g} > {tolerance:g}" in str(difference)
 
 
-@pytest.mark.parametrize("name", ["max_pressure", "k_n_elastic", "mean_gap", "spots", "error_k_t", "strained_fraction"])
-def test_a_tolerance_of_one_column_leaves_the_others_compared(name: str) -> None:
-    """By default each column that both have; a column that one lacks is none, unless the reference stores it."""
-    reference, values = make_curve(), getattr(make_curve(), name)
-    other = change(reference, 2, **{name: values[2] + 0.01 * values.max() if name != "spots" else 4})
-    for tolerances in (None, {"force": 0.05}, {"delta": 1.0, "P_star": 1.0}):
-        assert [d.column for d in compare_curves(other, reference, tolerances)] == [name]
-    assert compare_curves(other, reference, {name: 0.5}) == []
-    nothing = 0 if name == "spots" else math.nan
+@pytest.mark.parametrize("name", ["max_pressure", "spots", "error_k_t"])
+def test_a_column_that_one_curve_lacks_is_compared_where_the_reference_stores_it(name: str) -> None:
+    reference, nothing = make_curve(), 0 if name == "spots" else math.nan
     without = Curve.from_rows([row | {name: nothing} for row in reference.rows()])
     assert compare_curves(without, reference) == [] == compare_curves(reference, without)
     (lost,) = compare_curves(without, make_curve(tolerances={name: 1e-3}))
     assert lost.column == name
-
-
-def test_tolerances_come_with_the_stored_curve():
-    reference = make_curve(tolerances={"force": 0.02})
-    other = change(reference, 2, force=reference.force[2] + 0.01 * reference.force.max(), krylov=1)
-    assert compare_curves(other, reference) == [] != compare_curves(other, make_curve())
 
 
 def test_a_value_that_turns_into_nan_is_a_difference():
@@ -84,9 +91,9 @@ BAD: tuple[Any, ...] = (
 @pytest.mark.parametrize("tolerances", BAD)
 def test_bad_tolerances_are_refused(tolerances):
     """Of a call, and in the header of a stored curve, which anyone may have edited."""
-    for given, header in ((tolerances, {}), (None, {"tolerances": tolerances})):
+    for passed, header in ((tolerances, {}), (None, {"tolerances": tolerances})):
         with pytest.raises(InputError):
-            compare_curves(make_curve(), make_curve(**header), given)
+            compare_curves(make_curve(), make_curve(**header), passed)
 
 
 def test_a_comparison_of_nothing_is_refused(tmp_path: Path) -> None:
@@ -105,7 +112,7 @@ def test_a_comparison_of_nothing_is_refused(tmp_path: Path) -> None:
     top = int(np.argmax(curve.force))
     change(curve, top, force=1.4 * curve.force[top]).write(tmp_path / "changed.csv")
     for code, *rtol in ((1,), (1, "P_star=1e-9"), (0, "force=0.5"), (2, "force"), (2, "farce=1")):
-        given = [word for text in rtol for word in ("--rtol", text)]
-        assert call("compare", tmp_path / "curve.csv", tmp_path / "changed.csv", *given) == code
+        options = [word for text in rtol for word in ("--rtol", text)]
+        assert call("compare", tmp_path / "curve.csv", tmp_path / "changed.csv", *options) == code
     for first, second in (("link.csv", "curve.csv"), (".", "curve.csv"), ("none.csv", "none.csv"), (".", other)):
         assert call("compare", tmp_path / first, tmp_path / second) == 2

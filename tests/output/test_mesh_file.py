@@ -68,7 +68,7 @@ def test_a_deck_has_nodes_elements_and_surfaces(tmp_path: Path, made: Any) -> No
 def test_calculix_finds_the_sets_of_a_deck(tmp_path: Path, made: Any) -> None:
     """A pressure on the surface TOP is held by the node set BASE: pressure times nominal area, between frictionless
     walls."""  # fmt: skip
-    write_mesh(*made, tmp_path / "block.inp")
+    write_mesh(made[0], made[1], tmp_path / "block.inp")
     lines = ["*INCLUDE, INPUT=block.inp", "*MATERIAL, NAME=M", "*ELASTIC", "2e11, 0.3"]
     lines += ["*SOLID SECTION, ELSET=BLOCK, MATERIAL=M", "*BOUNDARY", "BASE, 3, 3", "SIDES, 1, 2"]
     lines += ["*STEP", "*STATIC", "*DSLOAD", "TOP, P, 1e8", "*NODE PRINT, NSET=BASE, TOTALS=ONLY", "RF", "*END STEP"]

@@ -69,6 +69,12 @@ def test_a_partial_run_is_reported(folder: Path) -> None:
     assert "no convergence at step 3" in page.text and "Power law" not in page.text
 
 
+def test_columns_that_a_curve_lacks_are_left_out(folder: Path) -> None:
+    (folder / "curve.csv").write_text("delta,force\n1e-9,1e-6\n2e-9,3e-6\n")
+    words = Page(write_report(folder)).text.partition("At the largest force")[2].partition("Figures")[0].split()
+    assert "µN" in words and "nan" not in words and "spots" not in words
+
+
 @pytest.mark.parametrize("met", [True, False])
 def test_a_missed_tolerance_is_among_the_warnings(folder: Path, met: bool) -> None:
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))

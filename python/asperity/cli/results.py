@@ -64,10 +64,11 @@ def export(
         raise InputError(f"--law, --preload and -o are for the contact, not for the mesh {to}: leave them out")
     if mesh:
         written, block = export_mesh(source, to, overrides)
-        options.say(f"written {written}: {len(block.points)} nodes, {len(block.tets)} tetrahedra of second order")
+        about = f"{len(block.points)} nodes, {len(block.tets)} tetrahedra of second order"
     else:
-        written = contact.export(source, to, output, law=law or "table", load=load)
-        options.say(f"written {written}; its head says what linear reading changes")
+        written, about = contact.export(source, to, output, law=law or "table", load=load), "its head says what it is"
+    options.say(f"written {written}")
+    options.say(about)
 
 
 @click.command()

@@ -102,8 +102,8 @@ class Evidence:
         small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
-        side: of the nominal area of what vibrates [length]; None takes that of the patch
-        patches: what others change of the stiffness of a joint; None without a joint or without others
+        side: of the nominal area of the joint [length]; None takes the side of the patch
+        patches: change of the stiffness of a joint by other patches; None without a joint or without others
     """
 
     curve: Curve
@@ -156,7 +156,7 @@ def assumptions_of(evidence: Evidence) -> list[Assumption]:
 
 
 def _strain(run: Evidence) -> Iterator[Assumption]:
-    """What small strain changes in the force, or else the greatest strain; the pressure of an elastic solid.
+    """Change of the force by small strain, or else the greatest strain; the pressure of an elastic solid.
 
     The greatest pressure of a node is no measure: at an edge of the contact, or a corner of the surface, it grows with
     each finer mesh, and a single node would decide. Force over true contact area is an integral over the contact, and

@@ -18,8 +18,7 @@ from asperity.output.results import Results
 from asperity.runtime.display import show
 from asperity.runtime.run_folder import CASE
 
-#: Relative tolerances of compare_curves, of all columns but those of the branch, which is compared as such, and of what
-#: a step has cost.
+#: Relative tolerances of all columns except the branch, which must be the same, and the cost of a step.
 TOLERANCES: Mapping[str, float] = {
     name: 1e-3 for name in COLUMNS if name not in ("step", "branch", "newton", "krylov", "seconds")
 } | {"delta": 1e-9, "delta_star": 1e-9, "force": 1e-6, "P_star": 1e-6}
@@ -142,7 +141,7 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
 def compared(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = None) -> dict[str, float]:
     """Columns of a curve and its reference that are compared, with their relative tolerances.
 
-    All columns in which both have values, those of which the reference stores a tolerance in its header, and those of
+    All columns with values in both curves, columns with a tolerance in the header of the reference, and columns of
     `tolerances`.
 
     Args:

@@ -1,8 +1,8 @@
 """The contact of a run for other programs: nominal pressure over the approach of the mean planes.
 
 In a model of the joint's bodies their own compliance must not count twice: the approach is that of the mean planes of
-the two faces, from first touch, without the compression of the block. The programs read their tables linearly, so the
-points are chosen by what linear reading changes.
+the two faces, from first touch, without the compression of the block. The programs read their tables linearly: the
+points are chosen by the error of linear reading.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Interface:
         approach: of the mean planes from first touch, or from where an unloading separates, rising (m,) [length]
         pressure: nominal, rising (m,) [force/length^2]
         k_n: slope of the pressure (m,) [force/length^3]
-        about: what the numbers are, one line each
+        about: units and origin of the numbers, one line each
         slip: of the interface of the patch, None for a case without [slip]
         patch: nominal area of the patch [length^2]
     """
@@ -193,8 +193,8 @@ def export(folder: str | Path, to: str, path: str | Path | None = None, *, law: 
         >>> lines = asp.export("out", "abaqus").read_text().splitlines()
         >>> [line for line in lines if line.startswith("*S")]
         ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
-        >>> [line for line in lines if "linearly" in line]
-        ['** read linearly between 14 points, the pressure is off the law by up to 0.99 %, the stiffness by up to 9.1 %']
+        >>> [line.partition(",")[0] for line in lines if "linearly" in line]
+        ['** read linearly between 14 points']
     """
     if to not in EXPORTS:
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')

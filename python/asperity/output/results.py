@@ -99,14 +99,6 @@ class Results:
         """Number of load steps with stored pressure."""
         return len(self.top.get("pressure", ()))
 
-    @property
-    def conductivity(self) -> float:
-        """2 k1 k2/(k1 + k2) of both bodies [power/(length temperature)]; NaN without a conductivity."""
-        material = self.case.get("material", {})
-        first = float(material.get("conductivity") or np.nan)
-        second = float(material.get("conductivity_other") or first)
-        return 2.0 * first * second / (first + second)
-
     def gap_conductance(self) -> tuple[Array, Array, Array]:
         """Conductance of the joint per nominal area, of heat or current, at each step, by the column conductance C.
 
@@ -125,8 +117,10 @@ class Results:
             >>> Results("out", curve, case).gap_conductance()[1].tolist()
             [2.5]
         """
-        patch = float(self.case.get("surface", {}).get("L", np.nan)) ** 2
-        factor = self.conductivity / (2.0 * patch)
+        patch, material = float(self.case.get("surface", {}).get("L", np.nan)) ** 2, self.case.get("material", {})
+        first = float(material.get("conductivity") or np.nan)
+        second = float(material.get("conductivity_other") or first)
+        factor = first * second / (first + second) / patch
         return self.curve.force / patch, factor * self.curve.conductance, factor * self.curve.error_conductance
 
     def branches(self, *names: str) -> list[Curve]:
@@ -141,7 +135,7 @@ class Results:
 
         Args:
             n: cells along each side
-            snapshot: number of the step among those that are kept, negative from the last
+            snapshot: number of the stored step, negative from the last
 
         Returns:
             gaps [length], index [iy, ix] (n, n)

@@ -200,7 +200,7 @@ class RunFiles:
         on_root(self._comm, write)
 
     def summary(self, summary: dict[str, Any], failure: ConvergenceError | None) -> None:
-        """Write summary.json, with what the run failed by as its reason to end."""
+        """Write summary.json; a failure is its reason to end."""
         if failure is not None:
             summary["exit_reason"] = str(failure)
         self._on_root(partial(_write_summary, summary))

@@ -39,7 +39,7 @@ _FORCE = (
 CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
-    "exponent of the loading; that of a power law is constant.",
+    "exponent of the loading; a power law has a constant one.",
     "indentation": "(a) Force over depth. (b) Hardness, the force over the projected area of contact.",
     "area": "(a) Contact area over load. (b) Distribution of the contact pressure over the nominal area.",
     "pressure": "Contact pressure on the shaded surface at selected approaches, with force and number of spots. "

@@ -137,24 +137,15 @@ def tex(value: float) -> str:
 @style.styled
 def indentation(results: Results) -> Figure:
     """Draw the force over the depth, and the hardness, force over the projected area of contact."""
-    figure, (left, right) = style.figure(style.DOUBLE, 3.5, "force over depth", "hardness")
-    curve = results.curve
-    of_d, unit_d = prefix(float(curve.delta.max()), results.unit("length"))
-    for axis, name, words, dimension in (
-        (left, "force", "force", "force"),
-        (right, "mean_pressure", "hardness", "stress"),
-    ):
-        factor, unit = prefix(float(np.nanmax(getattr(curve, name))), results.unit(dimension))
-        for branch, (mark, colour, text) in LOOKS.items():
-            if name == "mean_pressure" and branch != "load":
-                continue
-            for n, piece in enumerate(results.branches(branch)):
-                label = text if n == 0 else None
-                axis.plot(
-                    of_d * piece.delta, factor * getattr(piece, name), mark, color=colour, mfc="white", label=label
-                )
-        axis.set(xlabel=style.label("depth", unit_d), ylabel=style.label(words, unit), xlim=(0, None), ylim=(0, None))
+    figure, (left, right) = style.figure(style.DOUBLE, 3.7, "force over depth", "hardness")
+    factor, unit = prefix(float(np.nanmax(results.curve.mean_pressure)), results.unit("stress"))
+    draw_branches(left, results, "delta_star", "P_star")
+    draw_branches(right, results, "delta_star", "mean_pressure", factor, names=("load",))
+    for axis, text in ((left, LOAD), (right, style.label("hardness", unit))):
+        axis.set(xlabel=DELTA, ylabel=text, xlim=(0, None), ylim=(0, None))
+        approach_axis(axis, results)
     left.legend(loc="best")
+    load_axis(left, results, "right")
     return figure
 
 

@@ -148,12 +148,6 @@ def _outcome(results: Results) -> Rows:
         ("mean gap", shown("mean_gap", "length")),
         ("mean pressure", shown("mean_pressure", "stress")),
     ]
-    found = results.summary.get("indentation") or {}
-    rows += [
-        (words, quantity(found[name], results.unit("stress"), bar=found[f"error_{name}"] / found[name]))
-        for name, words in (("hardness", "hardness"), ("modulus", "E' by Oliver and Pharr"))
-        if name in found
-    ]
     scale, per = (1e-6, "Pa/µm") if results.unit("stiffness") else (1.0, "")
     nominal = float(results.case["surface"]["L"]) ** 2 if "surface" in results.case else math.nan
     for name, words in STIFFNESS_WORDS.items():
@@ -170,7 +164,7 @@ def _outcome(results: Results) -> Rows:
         ("largest plastic strain", f"{curve.max_plastic_strain[top]:.3g}"),
         ("yielded volume", f"{100 * curve.plastic_fraction[top]:.3g} %"),
     ]
-    return [row for row in rows if row[1]]
+    return [row for row in rows if row[1] and not row[1].startswith("nan")]
 
 
 def _figure(path: Path) -> dict[str, Any]:

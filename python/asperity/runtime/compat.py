@@ -44,14 +44,14 @@ def start() -> None:
     Scotch, which partitions the mesh, has one thread: with several each run has another partition, which changes the
     last digits of its results, and takes longer. The environment variable SCOTCH_PTHREAD_NUMBER, if set, wins.
 
-    PETSc leaves the file .petscrc of the working folder alone, which may be somebody's: it can write files.
+    PETSc does not read the file .petscrc of the working folder: the file of somebody else can make it write files.
     """
     os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
     load_libraries()
     # each call adds a collective call at exit, and a rank that runs alone would make more of them than the others
     if "petsc4py.PETSc" not in sys.modules and importlib.util.find_spec("petsc4py") is not None:
         importlib.import_module("petsc4py").init(["asperity", "-skip_petscrc"])
-    with warnings.catch_warnings():  # what its modules warn of is not of the run, nor an error of it
+    with warnings.catch_warnings():  # warnings of its modules are not about the run
         warnings.simplefilter("ignore")
         import dolfinx  # noqa: F401
 

@@ -4,7 +4,7 @@
     class Block:
         height: Real = key("height of the block", LENGTH, gt=0)
 
-makes a frozen dataclass whose constructor refuses (`InputError`, one line) what is not legal. A field without `key` is
+makes a frozen dataclass whose constructor refuses an illegal value (`InputError`, one line). A field without `key` is
 for scripts alone.
 """
 
@@ -81,7 +81,7 @@ def key(
 
 
 def argument(legal: str) -> tuple[Any, ...]:
-    """Metadata of an argument of scripts, with what is legal in words."""
+    """Metadata of an argument of scripts, with its legal values in words."""
     return SkipJsonSchema(), Field(exclude=True, json_schema_extra={"legal": legal})
 
 
@@ -215,7 +215,7 @@ def unknown(
 
 
 def _sentence(error: ValidationError, cls: Any) -> str:
-    """Key, value and what is legal, for the first error, of a misspelt key, which also shows as a missing one."""
+    """Key, value and legal values of the first error; of a misspelt key, which is missing too, the misspelling."""
     first: Any = min(error.errors(), key=lambda each: each["type"] not in _UNKNOWN)
     kind, name = first["type"], first["loc"][0]
     fields, section = cls.__pydantic_fields__, cls.section

@@ -1,6 +1,6 @@
 """Rows of all ranks gathered on rank 0 by their numbers, and handed out again to any ranks.
 
-Only rank 0 holds arrays of the whole mesh: which it has made, and those that it writes.
+Only rank 0 holds arrays of the whole mesh: the mesh that it has made, and the arrays that it writes.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def start(arguments: Sequence[str], ranks: int) -> NoReturn:
     Raises:
         CompatError: there is no mpirun
     """
-    # That beside Python first: in a virtual environment which is not activated it is the one of its MPI.
+    # The mpirun beside Python comes first: a virtual environment that is not activated may have an MPI of its own.
     path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ.get('PATH', os.defpath)}"
     mpirun = shutil.which("mpirun", path=path) or shutil.which("mpiexec", path=path)
     if mpirun is None:

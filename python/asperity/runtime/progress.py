@@ -153,7 +153,7 @@ def logged(comm: MPI.Comm, path: Path | None = None) -> Iterator[RunLog]:
 
 
 def tell(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
-    """Print to the standard output or another stream, of which a run does not depend, see `silence`."""
+    """Print to the standard output or another stream; a run goes on where nobody reads it, see `silence`."""
     stream = sys.stdout if stream is None else stream
     try:
         print(text, file=stream, end=end, flush=True)

@@ -46,7 +46,7 @@ DERIVED = tuple(name for name in PRODUCTS if name not in (CURVE, SUMMARY, LOG, C
 
 
 def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
-    """Refuse a folder with files that a new run would overwrite, unless the run continues or replaces that in it.
+    """Refuse a folder with files that a new run would overwrite, unless it continues or replaces the run in it.
 
     A missing or empty folder is always accepted, and so is one in which a process was killed before it had completed
     its first file.

@@ -1,7 +1,7 @@
 """Tables of numbers in text files: lines of a header, then rows of cells.
 
 The separator (semicolon, tab, comma, white space) is the one that makes numbers of a row, the decimal mark is a point,
-or a comma in files without points. What can be read in two ways is refused.
+or a comma in files without points. A table that can be read in two ways is refused.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # marks
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """The lines of a file: what stands before the rows of numbers, and these.
+    """The lines of a file: a header, then rows of numbers.
 
     Attributes:
         lines: of the file
@@ -44,7 +44,7 @@ class TextTable:
 
     @classmethod
     def read(cls, path: Path, least: int) -> TextTable:
-        """Find the rows of a file, of which each has so many cells at least; ValueError where there is no row."""
+        """Find the rows of a file, each with at least so many cells; ValueError where there is no row."""
         lines = decoded(read_whole(path)).rstrip("\r\n ").splitlines()  # a tab may end a row
         return cls(lines, *_start(lines, least))
 

@@ -43,7 +43,7 @@ def peak() -> int:
 def free_share(comm: MPI.Comm) -> float:
     """Equal share of the free memory of a machine for each of its ranks, inf where it is unknown [bytes]; collective.
 
-    That of the machine, or what a limit of the process, a batch system or a container (control groups) leaves of it.
+    A limit of the process, of a batch system or of a container (control groups) counts where it leaves less.
     """
     from mpi4py import MPI
 
