@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +80,7 @@ def test_westergaard(formulation: Formulation) -> None:
     surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
     wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
     compliance = height / ref.block_modulus(1.0, NU)
-    how = {"height": height, "size": MeshSize(0.12, growth=0.5, h_max=0.5), "formulation": formulation}
+    how: dict[str, Any] = {"height": height, "size": MeshSize(0.12, growth=0.5, h_max=0.5), "formulation": formulation}
     curve = solve_contact(surface, ELASTIC, delta_max=1.5 * amplitude, steps=3, comm=here(), **how).curve
     mean = [
         brentq(lambda p, d=d: float(wave.approach(p)) + compliance * p - d, 0, wave.full_pressure, xtol=1e-18)

@@ -48,9 +48,9 @@ def stresses(material: Material, sides: Sides, strain: Array) -> tuple[Array, Ar
     Between free sides Poisson's ratio is 0 here, for the base is clamped in its plane too.
     """
     law = material.yield_strength or inf, material.tangent_modulus, material.kinematic_share
-    stretch = 1.0
+    stretch = 1.0 + material.finite * strain
     if material.finite:
-        strain, stretch = np.log1p(strain), 1.0 + strain
+        strain = np.log(stretch)
     if sides == "free":
         axial, accumulated = uniaxial_stress(strain, material.E, *law)
         return axial, 0.0 * axial, accumulated

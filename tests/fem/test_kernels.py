@@ -22,7 +22,10 @@ STEEL = Material(E, NU, Y, E_T)
 PULL = np.linspace(0, 0.03, 8)[1:]
 CYCLE = np.concatenate([PULL, [0.02, 0.0, -0.01, -0.03, -0.04, 0.0, 0.03, 0.05, 0.048, 0.05]])
 FAR = np.append(np.log([0.9, 0.7, 0.5]), [-0.5, 0.0, 0.3])  # logarithmic strains
-STRETCHED = [Material(E, NU, *plastic, kinematics="finite") for plastic in ((), (Y, E_T), (Y, E_T, 0.4))]
+STRETCHED = [
+    Material(E, NU, kinematics="finite"), Material(E, NU, Y, E_T, kinematics="finite"),
+    Material(E, NU, Y, E_T, 0.4, kinematics="finite"),
+]  # fmt: skip
 EACH = pytest.mark.parametrize("material", STRETCHED, ids=["elastic", "isotropic", "mixed"])
 BOTH = pytest.mark.parametrize("forms", [False, True], ids=["kernels", "forms"])
 
@@ -42,19 +45,23 @@ def test_derived_moduli() -> None:
 
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 @pytest.mark.parametrize(
-    ("plastic", "forms"),
-    [(p, False) for p in ((), (Y, E_T), (Y, E_T, 0.4), (Y, E_T, 1.0), (Y, 0.0), (Y, 0.5, 0.4))]
-    + [((), True), ((Y, E_T, 0.4), True)],
+    ("strength", "E_t", "share", "forms"),
+    [
+        *((Y, E_t, share, False) for E_t, share in ((E_T, 0.0), (E_T, 0.4), (E_T, 1.0), (0.0, 0.0), (0.5, 0.4))),
+        *((None, 0.0, 0.0, forms) for forms in (False, True)),
+        (Y, E_T, 0.4, True),
+    ],
 )
-def test_bar_under_cycles(cube: BlockMesh, plastic: tuple[float, ...], kinematics: str, forms: bool) -> None:
+def test_bar_under_cycles(
+    cube: BlockMesh, strength: float | None, E_t: float, share: float, kinematics: str, forms: bool
+) -> None:
     """Stress and plastic strain of a bar in tension and in compression; Hencky strain takes the place of strain.
 
     The logarithm of a form is a quadrature.
     """
-    material, finite = Material(E, NU, *plastic, kinematics=kinematics), kinematics == "finite"
-    law = material.yield_strength or inf, material.tangent_modulus, material.kinematic_share
+    material, finite = Material(E, NU, strength, E_t, share, kinematics), kinematics == "finite"
     for path in (FAR,) if finite else (CYCLE, -CYCLE):
-        axial, accumulated = uniaxial_stress(path, E, *law)
+        axial, accumulated = uniaxial_stress(path, E, strength or inf, E_t, share)
         lateral = -NU * axial / E - 0.5 * (path - axial / E)  # elastic, and plastic of constant volume
         strains = [np.diag([a, a, b]) for a, b in zip(lateral, path, strict=True)]
         if finite:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -92,12 +93,13 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
     order = np.arange(36, dtype=np.int32)
     factors, wrong = _solver.Cholesky(pattern.rows, pattern.columns, order), np.zeros(5, dtype=np.float32)
     beyond, twice = order + 1, np.where(order == 1, 0, order).astype(np.int32)
-    for call in (
+    calls: tuple[Callable[[], object], ...] = (
         lambda: factors.factorise(wrong), lambda: factors.solve(wrong, True),
         *(lambda n=n: factors.last_block(np.zeros((n, n - n % 2), dtype=np.float32)) for n in (7, 38)),
         *(lambda of=of: _solver.Cholesky(pattern.rows, pattern.columns, of) for of in (beyond, twice, order[:35])),
         lambda: _solver.Cholesky.best_order(pattern.rows, pattern.columns, order[:35]),
-    ):  # fmt: skip
+    )  # fmt: skip
+    for call in calls:
         with pytest.raises(
             (ValueError, RuntimeError), match=r"has shape|more rows than|entries from|CHOLMOD|twice|order"
         ):

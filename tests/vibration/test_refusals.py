@@ -94,7 +94,7 @@ ILLEGAL: list[tuple[str, Callable[[Path], Any]]] = [
     ("3 approaches", lambda folder: of_file("delta,force\n1,1\n2,2\n3,3\n", folder)),
     ("no numbers", lambda folder: of_file("", folder)),
     *(  # keys of a former version
-        (f"{section}.{key}", lambda folder, s=section, k=key: of_case(f"[{s}]\n{k} = 0.1", folder))  # type: ignore[misc]
+        (f"{section}.{key}", lambda folder, s=section, k=key: of_case(f"[{s}]\n{k} = 0.1", folder))
         for section, key in (("joint", "frequency"), ("joint", "damping"), ("dynamics", "overload"))
     ),
     # motion

@@ -151,8 +151,8 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
 
     file, out = tmp_path / "curve.csv", tmp_path / "out"
     np.savetxt(file, np.transpose([*SQUARE.values()]), delimiter=",", header="delta,force", comments="")
-    keys = ("joint.mass=2", "joint.preload=100", "dynamics.model=exact", "dynamics.omega=[0.9, 1.1]")
-    keys += ("dynamics.forcing=1.5m/s2", "dynamics.simulate=step")
+    keys = ["joint.mass=2", "joint.preload=100", "dynamics.model=exact", "dynamics.omega=[0.9, 1.1]"]
+    keys += ["dynamics.forcing=1.5m/s2", "dynamics.simulate=step"]
     done = CliRunner().invoke(command, [str(file), *(word for key in keys for word in ("--set", key)), "-o", str(out)])
     assert done.exit_code == 0 and "transmissibility" in done.output and "step from rest" in done.output
     assert json.loads((out / "thresholds.json").read_text())["excitation"] == "acceleration"
