@@ -39,10 +39,9 @@ class Sample:
 
     def tangent(self, u: Array) -> sparse.csr_array:
         """Tangent of the last force."""
-        graph, n = self.solid.sparsity, 3 * self.solid.nodes
-        values = np.empty(len(graph.columns))
+        values = np.empty(self.solid.sparsity.size)
         self.kernels.tangent(u, values)
-        return sparse.csr_array((values, graph.columns, graph.rows), shape=(n, n))
+        return matrix_of(self.solid, values)
 
     def bring(self, history: Iterable[Array], u: Array) -> Array:
         """Commit a history of displacements; the force of another one over it."""
@@ -79,9 +78,16 @@ def sample(block: BlockMesh | None, material: Material, forms: bool = False, poi
     return Sample(solid, solid.kernels)
 
 
+def matrix_of(solid: Solid, values: Array) -> sparse.csr_array:
+    """Matrix of the dofs of a solid on one rank, with these entries."""
+    graph, n = solid.sparsity, 3 * solid.nodes
+    return sparse.csr_array((values.copy(), graph.columns, graph.rows), shape=(n, n))
+
+
 def difference(a: Any, b: Any) -> float:
     """Largest difference relative to the largest magnitude."""
-    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
+    change, size = (np.max(np.abs(array), initial=0.0) for array in (np.asarray(a) - np.asarray(b), np.asarray(b)))
+    return float(change / max(size, 1e-300))
 
 
 def cubes(n: int, surface: Surface | None = None) -> BlockMesh:

@@ -1,4 +1,4 @@
-"""What a release consists of: one version, its citation, sdist and wheel."""
+"""What a release consists of: one version, its citation, sdist and wheel; what compiles it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import tomllib
 import zipfile
@@ -26,7 +27,9 @@ in_a_clone = pytest.mark.skipif(not (ROOT / ".ci").is_dir(), reason="an unpacked
 def test_the_version_is_in_one_place() -> None:
     assert "version" not in PROJECT and PROJECT["dynamic"] == ["version"]
     assert importlib.metadata.version("asperity") == asperity.__version__
-    assert f"\nversion: {asperity.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {asperity.__version__}\n" in citation
+    assert PROJECT["authors"][0]["name"] in citation and PROJECT["license"] in citation
 
 
 def test_the_changelog_begins_with_the_version_and_its_day() -> None:
@@ -40,11 +43,6 @@ def test_the_changelog_begins_with_the_version_and_its_day() -> None:
         assert releases[1][0] == asperity.__version__ and f"\ndate-released: {releases[1][1]}\n" in citation
     kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
     assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= kinds
-
-
-def test_the_citation_names_the_authors_and_the_licence() -> None:
-    citation = (ROOT / "CITATION.cff").read_text()
-    assert PROJECT["authors"][0]["name"] in citation and PROJECT["license"] in citation
 
 
 @pytest.mark.slow
@@ -117,3 +115,42 @@ def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
     assert "k = 1.225, n = 1 " in call(bin / "asperity", "run", "flat.toml", "-o", "flat")
     call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "quick", "--ranks", "2")
     assert '"ranks": 2' in (tmp_path / "quick/summary.json").read_text()
+
+
+# --- compilers --------------------------------------------------------------------------------------------------
+
+FLAGS = ("-std=c++20", "-fsyntax-only", "-fvisibility=hidden", "-fopenmp-simd", "-Wall", "-Wextra", "-Werror")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["2.4.0", "2.12.0", "3.1.0"])
+def test_the_python_interface_compiles(version: str, tmp_path: Path) -> None:
+    """With the oldest nanobind that pyproject.toml allows, a later one, and the next generation."""
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path)]
+    subprocess.run([*install, f"nanobind=={version}"], check=True)
+    headers = tmp_path / "nanobind" / "include", Path(sysconfig.get_path("include"))
+    done = subprocess.run(
+        ["c++", *FLAGS, *(f"-isystem{path}" for path in headers), "solver/module.cpp"],
+        cwd=ROOT, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("compiler", ["g++", "clang++", "aarch64-linux-gnu-g++"])
+def test_no_compiler_warns(compiler: str, tmp_path: Path) -> None:
+    """Of clang and of the compiler for AArch64 where they are: ASPERITY_PACKAGES="clang g++-aarch64-linux-gnu"."""
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    python = Path(sysconfig.get_path("include"))
+    nanobind = subprocess.run([sys.executable, "-m", "nanobind", "--include_dir"], capture_output=True, text=True)
+    other = tmp_path / "aarch64-linux-gnu" / python.name  # Debian has its pyconfig.h in another package; both are LP64
+    other.mkdir(parents=True)
+    shutil.copy(python.parent / str(sysconfig.get_config_var("MULTIARCH")) / python.name / "pyconfig.h", other)
+    headers = nanobind.stdout.strip(), python, tmp_path
+    for source in sorted((ROOT / "solver").glob("*.cpp")):
+        done = subprocess.run(
+            [compiler, *FLAGS, "-Wno-psabi", *(f"-isystem{path}" for path in headers), source],
+            capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr

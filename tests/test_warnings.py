@@ -74,10 +74,3 @@ def test_the_size_that_would_resolve_is_another_one_and_resolves(h: float) -> No
             assert unresolved_height(surface, size, delta) <= unresolved_height(surface, h, delta)
             found += 1
     assert found or h < 2e-6
-
-
-def test_waves_that_no_size_resolves_are_told_without_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As those of a surface of one's own that judges its waves too simply."""
-    surface = asp.Surface.from_spec("flat", L=1.0)
-    monkeypatch.setattr(type(surface), "short_waves", lambda self, wavelength, depth: 0.1 * depth)
-    assert doubt_of_waves(surface, 0.1, 0.01).endswith("may be off by about as much")

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, PLASTIC, assembled, here
-from element_sample import PAIRS
-from scipy import sparse
+from element_sample import PAIRS, matrix_of
 from scipy.sparse.linalg import splu
 
 from asperity import reference as ref
@@ -52,29 +51,6 @@ def test_nitsche_approaches_exact_contact_under_refinement(cap: Surface) -> None
         gaps.append(abs(forces[1] / forces[0] - 1.0))
     assert gaps[0] < 0.01
     assert gaps[1] < gaps[0] / 2.0
-
-
-@pytest.mark.parametrize("formulation", [EXACT, NITSCHE], ids=lambda f: f.method)
-def test_area_and_pressure_of_hertz(cap: Surface, formulation: Formulation) -> None:
-    """Those that belong to the force: area within its error, pressure smooth up to near the edge."""
-    a = 0.05
-    size = MeshSize(a / 4, growth=0.5, h_max=0.5)
-    solver = solve_contact(
-        cap, ELASTIC, delta_max=a**2 / 10.0, steps=1, size=size, formulation=formulation, comm=here()
-    ).solver
-    hertz = ref.Hertz(10.0, ELASTIC.reduced_modulus)
-    delta = float(hertz.approach(4.0 * solver.force))
-    radius, peak = float(hertz.radius(delta)), float(hertz.peak_pressure(delta))
-    area = solver.contact_surface.area_of(*solver.contact.touched())
-    assert abs(area.value - 0.25 * np.pi * radius**2) < area.error
-    assert area.error < 0.2 * area.value
-    pressure = solver.pressure
-    corners = np.unique(solver.contact_surface.nodes[:, :3])
-    r = np.hypot(*solver.solid.points[corners, :2].T)
-    inside = r < 0.8 * radius
-    assert inside.sum() > 10
-    deviation = pressure[corners][inside] - hertz.pressure(r[inside], delta)
-    assert np.abs(deviation).max() < 0.05 * peak
 
 
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
@@ -188,9 +164,8 @@ def test_least_gamma_keeps_full_contact_coercive(rough: Surface, coarse: BlockMe
     solver.solid.u.x.array[:] = 0.0
     solver.contact.residual(solver.solid.internal_force().copy())
     solver.solid.tangent.assemble(solver.contact.add_tangent)
-    n, graph = 3 * solver.solid.nodes, solver.solid.sparsity
-    J = sparse.csr_array((solver.solid.tangent.values().copy(), graph.columns, graph.rows), shape=(n, n))
-    free = np.setdiff1d(np.arange(n), solver.solid.fixed)
+    J = matrix_of(solver.solid, solver.solid.tangent.values())
+    free = np.setdiff1d(np.arange(3 * solver.solid.nodes), solver.solid.fixed)
     kept = (J + J.T)[free][:, free].tocsc()
     factor = splu(kept, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     assert (factor.perm_r == factor.perm_c).all()  # no pivoting: the pivots have the signs of the eigenvalues
@@ -244,7 +219,7 @@ def test_area_is_one_of_all_formulations(method: str, factor: float | None) -> N
     assert abs(found - exact) < bar
 
 
-@pytest.mark.parametrize("other", [Formulation("penalty"), Formulation("penalty", penalty=100.0), NITSCHE], ids=repr)
+@pytest.mark.parametrize("other", [Formulation("penalty", penalty=100.0), NITSCHE], ids=repr)
 def test_the_nodes_in_contact_conduct_as_those_of_exact_contact(other: Formulation) -> None:
     """A wave near full contact, where pressures at points oscillate: they are held for conductance and k_t."""
     np.testing.assert_allclose(conducting(other), conducting(EXACT), rtol=0.04)
@@ -255,11 +230,12 @@ def conducting(formulation: Formulation) -> list[float]:
     """Conductance and tangential stiffness of a wave near full contact."""
     curve = solve_contact(
         Sinusoid(L=1.0, amplitude=0.005, wavelength=1.0), ELASTIC, sides="periodic", height=0.5, delta_max=0.0094,
-        steps=2, size=MeshSize(0.08), formulation=formulation, stiffness=True,
+        steps=2, size=MeshSize(0.1), formulation=formulation, stiffness=True,
     ).curve  # fmt: skip
     return [curve.conductance[-1], curve.k_t_interface[-1]]
 
 
+@pytest.mark.slow
 def test_the_cases_of_other_formulations_agree_with_exact_contact() -> None:
     """As docs/accuracy.md has it; the first step touches few facets only."""
     files = [Path(__file__).parents[2] / "cases" / f"{method}.toml" for method in ("penalty", "nitsche")]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scene_definition import BASE, Keys, L, Map, Scene, heights
+from scenes import BASE, Keys, L, Map, Scene, heights
 
 from asperity.case import Case
 from asperity.case.identity import identity
@@ -106,11 +106,11 @@ def _compare(scene: Scene, one: Outcome, other: Outcome) -> tuple[bool, str]:
     """
     assert scene.twin is not None and one.curve is not None
     if other.curve is None:
-        return False, f"{scene.twin.about}: {other.ends} ({other.reason})"
+        return False, f"the twin: {other.ends} ({other.reason})"
     a, b = one.curve.loading(), other.curve.loading()
     i, j = np.nonzero(np.isclose(a.delta_star[:, None], b.delta_star, rtol=1e-9, atol=0.0))
     found = [np.max(np.abs(a.P_star[i] - b.P_star[j])) / np.max(b.P_star)] if len(i) else [np.inf]
     if one.curve.branch[-1] == "unload" and other.curve.branch[-1] == "unload":
         found.append(abs(one.curve.delta_star[-1] - other.curve.delta_star[-1]) / np.max(b.delta_star))
     difference = float(max(found))
-    return difference <= scene.twin.tolerance, f"{scene.twin.about}: {difference:.1e}"
+    return difference <= scene.twin.tolerance, f"the twin differs by {difference:.1e}"

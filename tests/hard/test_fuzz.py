@@ -28,16 +28,7 @@ from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
 TEXTS = tuple(path.read_bytes() for path in sorted((ROOT / "cases").glob("*.toml")))
-FEW, MANY = 60, 3000
-RUNS, MANY_RUNS = 3, 100
-
-
-def examples(number: int, derandomize: bool) -> Callable[[Any], Any]:
-    """Settings for a number of inputs without a time limit; always the same inputs, or random ones."""
-    checks = list(HealthCheck)
-    return settings(
-        max_examples=number, derandomize=derandomize, deadline=None, suppress_health_check=checks, database=None
-    )
+File = tuple[str, bytes]  # suffix and content
 
 
 def refused(error: AsperityError) -> None:
@@ -48,14 +39,20 @@ def refused(error: AsperityError) -> None:
     event(f"refused ({type(error).__name__})")
 
 
-def fuzz(property_: Callable[[Any], None], inputs: st.SearchStrategy[Any], few: int, many: int) -> tuple[Any, Any]:
-    """The same property with a few fixed inputs, and as a slow test with many different ones each time."""
-    short = examples(few, True)(given(inputs)(property_))
-    long = pytest.mark.slow(examples(many, False)(given(inputs)(property_)))
-    return short, long
+def holds(property_: Callable[[Any], None], inputs: st.SearchStrategy[Any], number: int, fixed: bool) -> None:
+    """Try a property on a number of inputs without a time limit: always the same, or random ones."""
+    settings(
+        max_examples=number, derandomize=fixed, deadline=None, suppress_health_check=list(HealthCheck), database=None
+    )(given(inputs)(property_))()
 
 
-# --- case files ------------------------------------------------------------------------------------------------
+def few_and_many(few: int, many: int) -> pytest.MarkDecorator:
+    """A few fixed inputs, and as a slow test many different ones each time."""
+    slow = pytest.param(many, False, marks=pytest.mark.slow, id="many")
+    return pytest.mark.parametrize(("number", "fixed"), [pytest.param(few, True, id="few"), slow])
+
+
+# --- whole runs ------------------------------------------------------------------------------------------------
 
 
 @st.composite
@@ -85,23 +82,6 @@ def accepts(case: Case) -> bool:
             return False
     event("accepted")
     return True
-
-
-def any_text_is_a_case_or_a_sentence(data: bytes) -> None:
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "case.toml"
-        path.write_bytes(data)
-        try:
-            case = Case.load(path)
-        except InputError as error:
-            refused(error)
-            return
-        accepts(case)
-
-
-test_any_text_is_a_case_or_a_sentence, test_any_of_many_texts = fuzz(
-    any_text_is_a_case_or_a_sentence, mutated(), FEW, MANY
-)
 
 
 def spread(low: float, high: float) -> st.SearchStrategy[float]:
@@ -184,12 +164,12 @@ def any_case_runs_or_says_why_not(tables: dict[str, Any]) -> None:
         event("ran")
 
 
-test_any_case_runs_or_says_why_not, test_any_of_many_cases = fuzz(
-    any_case_runs_or_says_why_not, cases(), RUNS, MANY_RUNS
-)
+@few_and_many(3, 100)
+def test_any_case_runs_or_says_why_not(number: int, fixed: bool) -> None:
+    holds(any_case_runs_or_says_why_not, cases(), number, fixed)
 
 
-# --- height maps, meshes, curves ------------------------------------------------------------------------------
+# --- files: case files, height maps, meshes, curves -----------------------------------------------------------
 
 NUMBERS = st.floats() | st.floats(-1e-7, 1e-7) | st.sampled_from([math.nan, math.inf, 1e308, 5e-324, 0.0])
 ARRAYS = st.one_of(
@@ -233,47 +213,6 @@ MAPS = st.one_of(
 )
 
 
-def any_map_is_a_surface_or_a_sentence(given_map: tuple[str, bytes]) -> None:
-    suffix, content = given_map
-    with tempfile.TemporaryDirectory() as place, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        path = Path(place) / f"map{suffix}"
-        path.write_bytes(content)
-        for side in ({}, {"L": 1e-6}):
-            try:
-                surface = {"kind": "file", "path": path.name, **side}
-                tables = {"surface": surface, "material": {"E": 2e11, "nu": 0.3}, "loading": {"delta_max": 1e-8}}
-                case = Case.from_dict(tables, folder=place)
-            except InputError as error:
-                refused(error)
-                continue
-            if accepts(case):
-                made = case.surface
-                assert math.isfinite(made.maximum()[2]) and math.isfinite(made.rms_slope())
-
-
-test_any_map_is_a_surface_or_a_sentence, test_any_of_many_maps = fuzz(
-    any_map_is_a_surface_or_a_sentence, MAPS, FEW, MANY
-)
-
-
-def any_bytes_are_a_curve_or_a_sentence(data: bytes) -> None:
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "curve.csv"
-        path.write_bytes(data)
-        try:
-            Curve.read(path)
-        except InputError as error:
-            return refused(error)
-        event("accepted")
-
-
-CURVE = b"step,branch,delta,force\n1,load,1e-9,2e-6\n2,load,2e-9,5e-6\n3,unload,1.5e-9,0.0\n"
-test_any_bytes_are_a_curve_or_a_sentence, test_any_of_many_curves = fuzz(
-    any_bytes_are_a_curve_or_a_sentence, mutated((CURVE, b'# {"a": 1}\n' + CURVE)), FEW, MANY
-)
-
-
 BLOCK = cubes(2)
 
 
@@ -304,25 +243,58 @@ def meshes(draw: st.DrawFn) -> bytes:
     return saved(np.savez, **(arrays | {"points": points, "tets": tets}))
 
 
-def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "mesh.npz"
-        path.write_bytes(data)
+CURVE = b"step,branch,delta,force\n1,load,1e-9,2e-6\n2,load,2e-9,5e-6\n3,unload,1.5e-9,0.0\n"
+
+
+def read_map(path: Path) -> None:
+    for side in ({}, {"L": 1e-6}):
+        surface = {"kind": "file", "path": path.name, **side}
+        tables = {"surface": surface, "material": {"E": 2e11, "nu": 0.3}, "loading": {"delta_max": 1e-8}}
         try:
-            block = BlockMesh.read(path)
-            block.check(Flat(L=1.0))
+            case = Case.from_dict(tables, folder=path.parent)
         except InputError as error:
-            return refused(error)
-        assert 0 <= block.tets.min() and block.tets.max() < len(block.points)
-        a, b, c, d = np.moveaxis(block.points[block.tets[:, :4]], 1, 0)
-        volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)).sum() / 6.0
-        assert volume >= 1.0 - 1e-9  # the block is filled: overlapping tetrahedra are refused by the solver
-        event("accepted")
+            refused(error)
+            continue
+        if accepts(case):
+            made = case.surface
+            assert math.isfinite(made.maximum()[2]) and math.isfinite(made.rms_slope())
 
 
-test_any_mesh_file_is_a_mesh_or_a_sentence, test_any_of_many_meshes = fuzz(
-    any_mesh_file_is_a_mesh_or_a_sentence, meshes() | mutated((saved(np.savez, **vars(BLOCK)),)), FEW, MANY
-)
+def read_mesh(path: Path) -> None:
+    block = BlockMesh.read(path)
+    block.check(Flat(L=1.0))
+    assert 0 <= block.tets.min() and block.tets.max() < len(block.points)
+    a, b, c, d = np.moveaxis(block.points[block.tets[:, :4]], 1, 0)
+    volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)).sum() / 6.0
+    assert volume >= 1.0 - 1e-9  # the block is filled: overlapping tetrahedra are refused by the solver
+
+
+#: What reads a file, or raises an InputError, and files.
+READERS: dict[str, tuple[Callable[[Path], object], st.SearchStrategy[File]]] = {
+    "case": (lambda path: accepts(Case.load(path)), mutated().map(lambda data: (".toml", data))),
+    "map": (read_map, MAPS),
+    "curve": (Curve.read, mutated((CURVE, b'# {"a": 1}\n' + CURVE)).map(lambda data: (".csv", data))),
+    "mesh": (read_mesh, (meshes() | mutated((saved(np.savez, **vars(BLOCK)),))).map(lambda data: (".npz", data))),
+}
+
+
+@few_and_many(60, 3000)
+@pytest.mark.parametrize("kind", READERS)
+def test_any_file_is_read_or_refused(kind: str, number: int, fixed: bool) -> None:
+    read, files = READERS[kind]
+
+    def is_read_or_refused(file: File) -> None:
+        with tempfile.TemporaryDirectory() as place, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            path = Path(place) / f"given{file[0]}"
+            path.write_bytes(file[1])
+            try:
+                read(path)
+                event("accepted")
+            except InputError as error:
+                refused(error)
+
+    holds(is_read_or_refused, files, number, fixed)
 
 
 # --- nothing is unpickled -------------------------------------------------------------------------------------

@@ -6,15 +6,11 @@ The quick ones are in the short suite; all of them: `./run pytest tests/hard/tes
 from __future__ import annotations
 
 import pytest
-from scene_definition import Scene
 from scene_outcome import run_scene
-from scenes import SCENES
+from scenes import SCENES, Scene
 
 
-@pytest.mark.parametrize(
-    "scene",
-    [pytest.param(s, id=s.name, marks=() if s.fast else pytest.mark.slow) for s in SCENES],
-)
+@pytest.mark.parametrize("scene", [pytest.param(s, id=s.name, marks=[pytest.mark.slow] * (not s.fast)) for s in SCENES])
 def test_a_hard_case_ends_as_it_should(scene: Scene) -> None:
     outcome = run_scene(scene)
     assert not outcome.faults
@@ -26,12 +22,6 @@ def test_a_hard_case_ends_as_it_should(scene: Scene) -> None:
 
 
 def test_a_run_that_stops_leaves_curve_and_checkpoint() -> None:
-    scene = Scene(
-        "starved",
-        "one Newton iteration",
-        {"solver.newton_max": 1, "mesh.h_contact": 0.3e-6},
-        ends="stopped",
-        reason="no convergence at delta/L",
-    )
-    outcome = run_scene(scene)
+    starved = {"solver.newton_max": 1, "mesh.h_contact": 0.3e-6}
+    outcome = run_scene(Scene("starved", starved, ends="stopped", reason="no convergence at delta/L"))
     assert not outcome.faults and outcome.summary["cutbacks"] > 0

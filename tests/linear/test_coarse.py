@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from conftest import ELASTIC, world
@@ -85,78 +88,79 @@ def test_a_matrix_that_is_not_positive_definite_is_refused(capfd: pytest.Capture
     assert capfd.readouterr() == ("", "")
 
 
-def test_arrays_of_another_shape_are_refused() -> None:
+def test_arrays_that_do_not_fit_are_refused() -> None:
     pattern, _ = matrix(PIECES["pieces"][0])
-    factors = _solver.Cholesky(pattern.rows, pattern.columns, np.arange(36, dtype=np.int32))
-    for call, shape in ((factors.factorise, 5), (factors.last_block, (6, 5)), (lambda x: factors.solve(x, True), 5)):
-        with pytest.raises(ValueError, match="has shape"):
-            call(np.zeros(shape, dtype=np.float32))
-    with pytest.raises(ValueError, match="more rows than"):
-        factors.last_block(np.zeros((37, 37), dtype=np.float32))
-    for change, words in (({0: 36}, "order has entries from 1 to 36"), ({0: 1}, "CHOLMOD|twice|order")):
-        order = np.arange(36, dtype=np.int32)
-        order[list(change)] = list(change.values())
-        with pytest.raises((ValueError, RuntimeError), match=words):
-            _solver.Cholesky(pattern.rows, pattern.columns, order)
-    for call in (_solver.Cholesky, _solver.Cholesky.best_order):
-        with pytest.raises(ValueError, match="order has shape"):
-            call(pattern.rows, pattern.columns, np.arange(35, dtype=np.int32))
+    order = np.arange(36, dtype=np.int32)
+    factors, wrong = _solver.Cholesky(pattern.rows, pattern.columns, order), np.zeros(5, dtype=np.float32)
+    beyond, twice = order + 1, np.where(order == 1, 0, order).astype(np.int32)
+    calls: tuple[Callable[[], object], ...] = (
+        lambda: factors.factorise(wrong), lambda: factors.solve(wrong, True),
+        *(lambda n=n: factors.last_block(np.zeros((n, n - n % 2), dtype=np.float32)) for n in (7, 38)),
+        *(lambda of=of: _solver.Cholesky(pattern.rows, pattern.columns, of) for of in (beyond, twice, order[:35])),
+        lambda: _solver.Cholesky.best_order(pattern.rows, pattern.columns, order[:35]),
+    )  # fmt: skip
+    for call in calls:
+        with pytest.raises(
+            (ValueError, RuntimeError), match=r"has shape|more rows than|entries from|CHOLMOD|twice|order"
+        ):
+            call()
+
+
+def corners_of(block: BlockMesh | None) -> tuple[Any, Floats]:
+    """Degrees of freedom at the corners of the cells, and a point for each, the same on all ranks."""
+    from dolfinx import fem
+
+    mesh, _ = distribute(world(), block, 1.0)
+    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
+    held = np.arange(dofmap.index_map.size_local + dofmap.index_map.num_ghosts, dtype=np.int32)
+    numbers = dofmap.index_map.local_to_global(held)
+    return dofmap, np.random.default_rng(0).random((dofmap.index_map.size_global, 3))[numbers]
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("kind", ["substructures", "distributed"])
 def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, kind: str) -> None:
     """Against products with the parts, which know nothing of the whole matrix; algebraic multigrid is approximate."""
-    from dolfinx import fem
-
-    mesh, _ = distribute(world(), coarse, 1.0)
-    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
-    index_map = dofmap.index_map
+    comm = world()
+    dofmap, points = corners_of(coarse)
+    index_map, corners = dofmap.index_map, len(points)
     ghosts = Ghosts(index_map)
-    corners = index_map.size_local + index_map.num_ghosts
-    numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32))
-    points = np.random.default_rng(0).random((index_map.size_global, 3))[numbers]
-    problem: Distributed | Substructures = Substructures(dofmap, mesh.comm, interface_of(index_map, mesh.comm))
+    problem: Distributed | Substructures = Substructures(dofmap, comm, interface_of(index_map, comm))
     if kind == "distributed":
-        problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
+        problem = Distributed(dofmap, points, comm, symmetric=True, factorised=False)
         assert problem._matrix.A.getBlockSize() == 3  # it aggregates nodes, not dofs, on one rank too
     sparsity = problem.sparsity
     rows = np.repeat(np.arange(3 * corners), np.diff(sparsity.rows))
     values = np.where(rows == sparsity.columns, 2.0, -0.01)
     assert problem.update(values)
-    right = np.random.default_rng(mesh.comm.rank).normal(size=(corners, 3)).astype(np.float32)
+    right = np.random.default_rng(comm.rank).normal(size=(corners, 3)).astype(np.float32)
     x = problem.solve(right.ravel())
     np.testing.assert_array_equal(x, ghosts.scatter_forward(x[: 3 * index_map.size_local].reshape(-1, 3)).ravel())
     image = np.zeros(3 * corners)
     np.add.at(image, rows, values * x[sparsity.columns])
     owned = ghosts.scatter_reverse(image.reshape(-1, 3)).copy(), ghosts.scatter_reverse(right).copy()
     tolerance = 0.3 if kind == "distributed" else 1e-5
-    error = mesh.comm.allreduce(float(np.sum((owned[0] - owned[1]) ** 2)))
-    assert error < tolerance**2 * mesh.comm.allreduce(float(np.sum(owned[1] ** 2)))
+    error = comm.allreduce(float(np.sum((owned[0] - owned[1]) ** 2)))
+    assert error < tolerance**2 * comm.allreduce(float(np.sum(owned[1] ** 2)))
 
 
 @pytest.mark.mpi
 def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """By its size, by that of the interface, by its symmetry, and by the options of the user."""
-    from dolfinx import fem
     from petsc4py import PETSc
 
-    mesh, _ = distribute(world(), coarse, 1.0)
-    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
-    index_map = dofmap.index_map
-    points = np.random.default_rng(0).random((index_map.size_local + index_map.num_ghosts, 3))
+    (dofmap, points), comm = corners_of(coarse), world()
 
     def kind(symmetric: bool = True) -> type:
-        return type(make_coarse(dofmap, points, mesh.comm, symmetric))
+        return type(make_coarse(dofmap, points, comm, symmetric))
 
-    assert kind() is Substructures
+    assert kind() is Substructures and kind(symmetric=False) is Distributed
     options = PETSc.Options(coarse_problem.PREFIX)
     options["pc_type"] = "gamg"
     assert kind() is Distributed
     options.delValue("pc_type")
-    assert kind(symmetric=False) is Distributed
-    if mesh.comm.size > 1:
-        shared = interface_of(index_map, mesh.comm).dofs ** 2 * mesh.comm.size / (3 * index_map.size_global)
+    if comm.size > 1:
+        shared = interface_of(dofmap.index_map, comm).dofs ** 2 * comm.size / (3 * dofmap.index_map.size_global)
         for dense, expected in ((1.01 * shared, Substructures), (0.99 * shared, Distributed)):
             monkeypatch.setattr(coarse_problem, "DENSE", dense)
             assert kind() is expected

@@ -41,6 +41,7 @@ def test_the_law_holds_on_isotropic_surfaces_and_on_grooves(slip: Any, aspect: s
     assert np.all(np.abs(found[2:, 1]) < 0.06)
 
 
+@pytest.mark.slow
 def test_the_law_of_a_load_path_is_near_the_stored_paths_of_the_solid(slip: Any) -> None:
     """The table has the paths over those of the half-space; steep slopes, where the law is worst."""
     table = [line for line in TABLE.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]

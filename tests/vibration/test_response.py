@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from twin import computed, motion, shoot
+from twin import computed, motion
 
 from asperity.errors import ConvergenceError
 from asperity.vibration import branch
@@ -36,9 +36,9 @@ def closes(r: Any, omega: float, tol: float = 1e-5) -> int:
         path = motion(r.col.equation, omega, float(r.equation.forcing(omega)), np.array(s.start))
         size = tol * (s.u_max - s.u_min) * (10.0 if s.stable else 1e3)
         np.testing.assert_allclose([*path.end, path.u_max, path.u_min], [*s.start, s.u_max, s.u_min], atol=size)
-        assert s.a1 == pytest.approx(path.a1, rel=1e-3)
-        if abs(s.radius - 1.0) > 1e-3:
-            assert s.stable == (np.abs(np.linalg.eigvals(path.by[:, :2])).max() < 1.0)
+        radius = np.abs(np.linalg.eigvals(path.by[:, :2])).max()
+        assert (s.a1, s.radius) == pytest.approx((path.a1, radius), rel=100 * tol, abs=1e-3 if tol > 1e-6 else 0.0)
+        assert s.stable == (radius < 1.0) or abs(radius - 1.0) < 1e-3
     return len(found)
 
 
@@ -74,13 +74,12 @@ def test_orbits_of_curves(name: str) -> None:
     closes(r, window[0] + 0.4 * (window[1] - window[0]))
 
 
-def test_orbits_agree_with_shooting_to_1e_7() -> None:
+def test_orbits_to_1e_7() -> None:
+    """With their multipliers, whose product is that of the damping."""
     r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05, (0.8, 1.1), tol=1e-7)
     for omega in (0.85, 0.93):
+        assert closes(r, omega, tol=1e-7)
         for s in r.at(omega):
-            shot = shoot(r.col.equation, omega, 0.05, *s.start)
-            np.testing.assert_allclose((s.u_max, s.u_min, s.a1), (shot.u_max, shot.u_min, shot.a1), rtol=1e-7)
-            assert s.radius == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-4)
             assert s.determinant == pytest.approx(np.exp(-0.04 * np.pi / omega), rel=1e-12)
 
 
@@ -196,9 +195,6 @@ def test_a_window_that_cuts_a_resonance_has_the_orbits_of_a_wide_one() -> None:
         found, expected = (np.array([(s.u_max, s.stable) for s in r.at(omega)]) for r in (own, whole))
         np.testing.assert_allclose(found, expected, rtol=1e-4)
         assert not own.notes
-
-
-def test_no_note_says_that_rest_leads_nowhere_where_the_branch_from_above_covers_the_window() -> None:
     r = computed(1.884084, 0.00538425, 0.0648509, (0.958611, 1.8))
     assert not r.notes and len(r.at(0.96)) == 1  # the small motion at the low end has ended in a fold of the forcing
 

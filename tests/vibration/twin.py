@@ -1,4 +1,4 @@
-"""Motions by SciPy, written from the equation of motion alone, and orbits by shooting with them.
+"""Motions by SciPy, written from the equation of motion alone.
 
 u'' + 2 zeta g(u) u' + [F_s(z_s (1 + u)) - W]/(z_s F_s'(z_s)) = F^ cos(Omega tau)
 """
@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from asperity.errors import ConvergenceError
 from asperity.vibration.equation import Equation
 from asperity.vibration.law import PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
@@ -36,8 +35,8 @@ class Motion:
     wave: Vector
 
 
-def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 1, rtol: float = 1e-11) -> Motion:
-    """Integrate a state over whole forcing periods, from contact loss to landing, with its variations.
+def motion(e: Equation, omega: float, forcing: float, y: Vector, rtol: float = 1e-11) -> Motion:
+    """Integrate a state over a forcing period, from contact loss to landing, with its variations.
 
     The independent variable is the phase s = Omega tau. Where the acceleration jumps, by J, a neighbour whose distance
     is d arrives d/v later: its speed then differs by J d/v (saltation).
@@ -69,7 +68,7 @@ def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 
     def turn(s: float, x: Vector, region: int) -> float:
         return float(x[1])
 
-    s, end = 0.0, 2.0 * np.pi * periods
+    s, end = 0.0, 2.0 * np.pi
     x = np.array([*y, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     region = sum(y[0] > edge or (y[0] == edge and y[1] > 0) for edge in edges)
     highest, lowest = float(y[0]), float(y[0])
@@ -91,7 +90,7 @@ def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 
             jump = acceleration(s, x[0], x[1], after)[0] - acceleration(s, x[0], x[1], region)[0]
             x[5:8] += jump * x[2:5] / x[1]
             region = after
-    return Motion(x[:2], x[2:8].reshape(2, 3), highest, lowest, float(np.hypot(*x[8:])) / (np.pi * periods), x[8:])
+    return Motion(x[:2], x[2:8].reshape(2, 3), highest, lowest, float(np.hypot(*x[8:])) / np.pi, x[8:])
 
 
 def _crossing(edge: float, direction: float) -> Any:
@@ -100,33 +99,6 @@ def _crossing(edge: float, direction: float) -> Any:
 
     crossing.terminal, crossing.direction = True, direction  # type: ignore[attr-defined]
     return crossing
-
-
-@dataclass(frozen=True)
-class Shot:
-    """State, extremes, amplitude at the forcing frequency and Floquet multipliers of an orbit."""
-
-    y: Vector
-    u_max: float
-    u_min: float
-    a1: float
-    multipliers: tuple[complex, complex]
-
-
-def shoot(e: Equation, omega: float, forcing: float, u: float, v: float, periods: int = 1) -> Shot:
-    """Correct the orbit near the state (u, v) at forcing phase 0."""
-    y = np.array([u, v])
-    for _ in range(12):
-        found = motion(e, omega, forcing, y, periods)
-        step = np.linalg.solve(found.by[:, :2] - np.eye(2), found.end - y)
-        y = y - step
-        if np.abs(step).max() < 1e-10 * (1.0 + np.abs(y).max()):
-            break
-    else:
-        raise ConvergenceError("no periodic orbit")
-    found = motion(e, omega, forcing, y, periods)
-    first, second = np.linalg.eigvals(found.by[:, :2])
-    return Shot(y, found.u_max, found.u_min, found.a1, (complex(first), complex(second)))
 
 
 @lru_cache
