@@ -264,8 +264,8 @@ def judge(name: str, seed: int, tolerances: list[float]) -> None:
         error = np.abs(error - 1.0)
         cells = (
             name, seed, f"{100 * tolerance:g} %", *inside, f"{np.median(bar) / np.median(error):.1f}",
-            f"{100 * np.max(error):.1f} %", f"{100 * run.worst:.1f} %", len({level.dofs for level in run.levels}),
-            run.levels[-1].dofs, f"{seconds:.0f}", f"{price:.1f}",
+            f"{100 * np.max(error):.1f} %", f"{100 * run.verdict.force:.1f} %",
+            len({level.dofs for level in run.levels}), run.levels[-1].dofs, f"{seconds:.0f}", f"{price:.1f}",
         )  # fmt: skip
         print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 

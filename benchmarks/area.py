@@ -19,14 +19,15 @@ from __future__ import annotations
 import argparse
 import warnings
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 from accuracy import CLASSES, ELASTIC, FLAT, flattened
 
 import asperity as asp
 from asperity.adaptive.guide import guide_of
-from asperity.adaptive.mesh_plan import MeshFamily
-from asperity.adaptive.refine import refine
+from asperity.adaptive.meshes import MeshFamily
+from asperity.adaptive.solve_contact import refine
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.model.problem import Problem
@@ -106,7 +107,7 @@ def edge(seeds: list[int]) -> None:
     names = ("spot", "cone", "ring", "angled", "honed", "inclusions")
     problems |= {f"{name} {seed}": of_class(name, seed) for name in names for seed in seeds[:1]}
     for name, problem in problems.items():
-        family = MeshFamily(problem, guide_of(problem))
+        family = MeshFamily(problem, guide_of(problem), inf)
         for scale in SCALES:
             part, dofs = part_of_edge(problem, family.size(scale))
             print(f"| {name} | scale {scale:g} | {dofs} | {part:+.3f} |", flush=True)

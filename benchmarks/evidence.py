@@ -41,6 +41,7 @@ OF_PAGES = {name: ("tutorials/vibration", f"out/demo/figures/{name}") for name i
     "curve.svg", "pressure.png", "area.svg", "response.svg",
 )} | {
     "tutorial_scan.png": ("measured", "out/scan/surface.png"),
+    "tutorial_leakage.png": ("tutorials/leakage", "out/pressed/figures/flow.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),
 }  # fmt: skip
 NAMES = ("peers", *(Path(name).stem for name in OF_PAGES))

@@ -24,7 +24,7 @@ from area import PRESSURE, patch
 from mpi4py import MPI
 
 import asperity as asp
-from asperity.adaptive.refine import refine
+from asperity.adaptive.solve_contact import refine
 from asperity.arrays import Floats
 from asperity.contact.thin_film import ThinFilm
 from asperity.model.problem import Problem

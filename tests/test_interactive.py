@@ -1,4 +1,4 @@
-"""The package at a prompt and in a notebook: representations, data frames, functions of dolfinx, JSON, completion."""
+"""The package at a prompt: representations, functions of dolfinx, JSON, completion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -18,10 +17,7 @@ from conftest import make_curve
 
 import asperity as asp
 from asperity.cli import group
-from asperity.curve import COLUMNS
-from asperity.job.run_case import RunResult
 from asperity.output.results import Results
-from asperity.surface import Flat, Sinusoid
 from asperity.surface.spectrum import psd
 
 MAIN = "from asperity.cli import main; main()"  # as the script of the package does
@@ -68,31 +64,6 @@ def test_a_result_draws_itself(result: Any) -> None:
     assert len(result.plot().axes) >= 3
     with pytest.raises(asp.InputError, match="there is no figure 'slip' of this result: choose"):
         result.plot("slip")
-
-
-# --- data frames and notebooks ---------------------------------------------------------------------------------
-
-
-def test_a_data_frame_has_the_columns_of_the_file() -> None:
-    pandas = pytest.importorskip("pandas")
-    curve = make_curve(case="sphere")
-    frame = curve.to_pandas()
-    assert isinstance(frame, pandas.DataFrame) and tuple(frame.columns) == COLUMNS and frame.attrs["case"] == "sphere"
-    np.testing.assert_array_equal(frame["force"], curve.force)
-
-
-def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(asp.CompatError, match="the package pandas is not installed: pip install pandas"):
-        make_curve().to_pandas()
-
-
-def test_pictures_are_well_formed_and_escaped() -> None:
-    curve = make_curve()
-    for shown in (curve, asp.Curve.from_rows([]), Sinusoid(L=1.0, amplitude=0.1), Flat(L=1.0)):
-        ElementTree.fromstring(shown._repr_html_())
-    result = RunResult(curve, None, {"slip": {"in_words": ["<b>"]}}, None)
-    assert "&lt;b&gt;" in result._repr_html_() and "<img" in result._repr_html_()
 
 
 # --- functions of dolfinx -------------------------------------------------------------------------------------

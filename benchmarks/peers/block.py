@@ -55,8 +55,8 @@ def deck(block: BlockMesh, law: asp.Material, depth: float) -> str:
     hard = calculix.law(asp.Material(law.E, law.nu))
     text += [f"*MATERIAL, NAME=STEEL\n{calculix.law(law)}*MATERIAL, NAME=HARD\n{hard}"
              "*SOLID SECTION, ELSET=PLATE, MATERIAL=HARD\n*SOLID SECTION, ELSET=BLOCK, MATERIAL=STEEL\n"
-             + calculix.contact(STIFFNESS * law.E, "STOP", "FLAT")
-             + "*BOUNDARY\nNBASE, 1, 3\nXSIDES, 1\nYSIDES, 2\nRIGID, 1, 2\n"
+             + calculix.contact(STIFFNESS * law.E, "TOP", "FLAT")
+             + "*BOUNDARY\nBASE, 1, 3\nXSIDES, 1\nYSIDES, 2\nRIGID, 1, 2\n"
              + calculix.step(STEPS, STEPS, f"RIGID, 3, 3, {-depth}\n", "RIGID")]  # fmt: skip
     return "\n".join(text)
 

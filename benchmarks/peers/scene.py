@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 import asperity as asp
-from asperity.adaptive.extrapolation import loading_force
+from asperity.adaptive.loading import loading_force
 from asperity.arrays import Floats
 from asperity.surface import Surface
 
@@ -78,7 +78,7 @@ def main(material: str, by: str, value: str, steps: str, target: str) -> None:
     else:
         goal = asp.AccuracyTarget(float(value), max_dofs=2_000_000)
         found = asp.solve_contact(surface(), law, tolerance=goal, **path)
-        curve, dofs, bar = found.curve, found.contact.dofs, found.worst
+        curve, dofs, bar = found.curve, found.contact.dofs, found.verdict.force
     force = loading_force(curve, AT) * law.reduced_modulus
     with open(target, "w", encoding="ascii") as out:
         json.dump({"force": force.tolist(), "dofs": dofs, "bar": bar}, out)

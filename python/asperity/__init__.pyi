@@ -2,7 +2,7 @@
 
 from . import laws as laws
 from . import reference as reference
-from .adaptive.small_strain import choose_kinematics as choose_kinematics
+from .adaptive.guide import choose_kinematics as choose_kinematics
 from .adaptive.solve_contact import solve_contact as solve_contact
 from .case import Case as Case
 from .curve import Curve as Curve

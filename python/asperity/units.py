@@ -112,6 +112,17 @@ def plus_minus(value: float, half: float) -> str:
     return f"{value:.{shown}f} ± {half:.{shown}f}"
 
 
+def points(share: float, half: float) -> str:
+    """Share in per cent with the half width of its interval in percentage points, as `plus_minus`.
+
+    Examples:
+        >>> points(0.0516, 0.0015), points(0.5, float("nan"))
+        ('5.16 % ± 0.15 percentage points', '50 %')
+    """
+    value, _, bar = plus_minus(100.0 * share, 100.0 * half).partition(" ± ")
+    return f"{value} % ± {bar} percentage points" if bar else f"{value} %"
+
+
 def per_cent(share: float) -> str:
     """Share in per cent to two digits, without an exponent.
 

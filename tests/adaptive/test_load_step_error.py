@@ -10,10 +10,16 @@ import pytest
 from conftest import PLASTIC
 
 import asperity as asp
-from asperity.adaptive.load_step_error import choose_substeps, step_errors
-from asperity.adaptive.mesh_plan import STICK
+from asperity.adaptive.load_step_error import STICK, choose_substeps, step_errors
+from asperity.adaptive.loading import loading_force
 from asperity.curve import Curve
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+
+
+def ridges() -> asp.Surface:
+    """A fractal of two wavelengths, whose contact spreads in jumps."""
+    return asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5, f_max=1)
+
 
 LIMIT = np.array([0.1, 0.3, 0.6, 1.0, 1.5])
 
@@ -88,13 +94,35 @@ def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance(
     """
     solved = []
 
-    def run(finer: float | None = None, substeps: int = 1) -> Any:
+    def press(substeps: int = 1) -> Any:
         solved.append(substeps)
         error = 0.024 / substeps**2 if order else 0.01 * (-1.0) ** len(solved)
         rows = [{"delta": d, "delta_star": d, "force": d, "P_star": (1.0 + error) * d} for d in (0.01, 0.02)]
         return SimpleNamespace(curve=Curve.from_rows(rows))
 
     flat = asp.Surface.from_spec("flat", L=1.0)
-    run.problem = asp.Problem.of(flat, PLASTIC, delta_max=0.02, steps=2)  # type: ignore[attr-defined]
-    _, found = choose_substeps(run, tolerance)  # type: ignore[arg-type]
+    run: Any = SimpleNamespace(problem=asp.Problem.of(flat, PLASTIC, delta_max=0.02, steps=2), press=press)
+    _, found = choose_substeps(run, tolerance)
     assert found.substeps == parts and solved == [2**k for k in range(most.bit_length())]
+
+
+def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_limit() -> None:
+    at = 0.04 * np.array([0.2, 0.4, 0.6, 0.8, 1.0])
+
+    def force(rule: str, substeps: int) -> np.ndarray:
+        result = asp.solve_contact(
+            ridges(), PLASTIC, delta_max=0.04, steps=5, substeps=substeps, integrator=rule, size=asp.MeshSize(0.25)
+        )
+        return loading_force(result.curve, at)
+
+    def size(error: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(error**2)))
+
+    whole, half, quarter = (force("midpoint", n) for n in (1, 2, 4))
+    limit = quarter + (quarter - half) / 3.0
+    assert size(half / limit - 1.0) < 0.4 * size(whole / limit - 1.0)
+    same, euler, finest = (force("backward-euler", n) for n in (4, 8, 16))
+    other = 2.0 * finest - euler
+    assert other == pytest.approx(limit, rel=2e-3)
+    assert np.abs(quarter / limit - 1.0).max() < 0.25 * np.abs(same / limit - 1.0).max()
+    assert size(whole / limit - 1.0) < size(euler / limit - 1.0)

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from conftest import here, world
 
-from asperity.adaptive.refine import refine
-from asperity.adaptive.small_strain import choose_kinematics
-from asperity.adaptive.solve_contact import solve_contact
+from asperity.adaptive.guide import choose_kinematics
+from asperity.adaptive.solve_contact import refine, solve_contact
 from asperity.case import Case
 from asperity.errors import InputError
 from asperity.job.run_case import run

@@ -26,7 +26,7 @@ from asperity.model.settings import MeshSize
 from asperity.output.assumptions import DOUBTFUL, FINE, SMALL_STRAIN, Evidence, assumptions_of, describe
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.reference import Hertz
-from asperity.runtime.run_log import logged
+from asperity.runtime.progress import logged
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface.scans import HeightField
 from asperity.vibration.numbers import Numbers

@@ -101,23 +101,20 @@ def read(path: Path, program: str) -> Array:
     """Approach and pressure of the points of a file (m, 2), with the zero that each program adds."""
     if program == "csv":
         found = np.genfromtxt(path, delimiter=",", comments="#", skip_header=0)[1:, :2]
-    elif program == "ansys":
-        lines = path.read_text(encoding="ascii").splitlines()
-        found = np.array([[float(x) for x in line.split(",")[2:]] for line in lines if line.startswith("TBPT")])
     else:
-        found = deck(path)[1:, ::-1]
+        found = deck(path)[1:-1, ::-1]  # the last row continues the law
     return np.vstack([[0.0, 0.0], found])
 
 
 @pytest.mark.parametrize("law", ["table", "unload-reload"])
-@pytest.mark.parametrize("program", ["calculix", "abaqus", "ansys", "csv"])
+@pytest.mark.parametrize("program", EXPORTS)
 def test_linear_reading_is_within_one_per_cent(folder: Path, program: str, law: str) -> None:
     """Of the law of the run, wherever its points are; the header names the greatest error."""
     path = asp.export(folder, program, law=law)
-    known, head = read(path, program), re.findall(r"^(?:\*\*|!|#) .*", path.read_text(encoding="ascii"), re.MULTILINE)
+    known, head = read(path, program), re.findall(r"^(?:\*\*|#) .*", path.read_text(encoding="ascii"), re.MULTILINE)
     assert path.name == EXPORTS[program] and (np.diff(known, axis=0) > 0).all()
     assert any("Pa/m" in line for line in head) and max(map(len, head)) < 125
-    assert program != "calculix" or len(known) <= 40
+    assert program == "csv" or len(known) <= 40
     if law == "table":
         exact, z = pressure, np.geomspace(0.05 * Z0, Z0, 997)
     else:
@@ -200,29 +197,8 @@ def test_beyond_the_law_calculix_continues_its_slope(folder: Path) -> None:
 def test_the_preload_of_a_joint_is_that_of_its_nominal_area(folder: Path) -> None:
     case = Case.load(folder / "case.toml").to_dict()
     case["joint"] |= {"preload": 3e4}
-    (folder / "case.toml").write_text(Case.from_dict(case).to_toml(), encoding="utf-8")
-    assert "at the pressure 1e+08 of the preload" in asp.export(folder, "csv").read_text()
-
-
-def test_numbers_at_the_preload_have_the_digits_of_their_bars(folder: Path) -> None:
-    """Against closed forms; a bar of the stiffness of interface and block grows when the block is taken out."""
-    curve = asp.Curve.read(folder / "curve.csv")
-    rows = [row | {"error_k_n": 0.01 * row["k_n"]} for row in curve.rows()]
-    asp.Curve.from_rows(rows).write(folder / "curve.csv")
-    text = " ".join(asp.export(folder, "csv", load=0.25 * P0 * L**2).read_text().replace("#", "").split())
-    said = re.search(r"slope of the law at the pressure 2.5e\+08 of the preload: (\S+) \+/- (\S+) %", text)
-    assert said is not None
-    z = 0.5 * Z0
-    k = 2 * P0 * z / Z0**2
-    assert float(said[1]) == pytest.approx(k, rel=2e-3)
-    assert float(said[2]) == pytest.approx(1.0 * k / series(k), rel=0.1)  # d ln k/d ln k_n = k/k_n
-    text = " ".join(asp.export(folder, "csv", load=0.25 * P0 * L**2, law="unload-reload").read_text().split())
-    z, branch = (0.25 ** (2 / 3)) * (Z0 - RESIDUE), "of small vibration) at the pressure 2.5e+08 of the preload:"
-    values = re.findall(
-        rf"(?:slope of the law at the pressure \S+ of the preload|{re.escape(branch[:-1])}): (\S+), without", text
-    )
-    np.testing.assert_allclose([float(v) for v in values], 1.5 * 0.25 * P0 / z, rtol=0.03)
-    assert len(values) == 2
+    (folder / "case.toml").write_text(Case.from_dict(case | {"slip": {"friction": 0.3}}).to_toml(), encoding="utf-8")
+    assert "at the nominal pressure 1e+08:" in asp.export(folder, "abaqus").read_text()
 
 
 def test_what_cannot_be_exported_is_refused(folder: Path) -> None:

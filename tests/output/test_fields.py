@@ -10,12 +10,11 @@ from conftest import stored_fields
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Array
-from asperity.errors import InputError, OutputError
+from asperity.errors import OutputError
 from asperity.fem.global_numbering import built_nodes, cell_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import gather_top_states, von_mises, write_vtkhdf
-from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Surface
 
@@ -34,7 +33,6 @@ def file(pressed: ContactResult, tmp_path_factory: pytest.TempPathFactory) -> Pa
     """The file at the path where a run writes it."""
     folder = tmp_path_factory.mktemp("run")
     (folder / "fields").mkdir()
-    pressed.curve.write(folder / "curve.csv")
     write_vtkhdf(folder / "fields/contact.vtkhdf", pressed, 1.0)
     top = gather_top_states(pressed, 1.0, 1.0)
     assert top is not None
@@ -137,21 +135,6 @@ def test_vtk_reads_every_step(file: Path, pressed: ContactResult, stored: list[d
         # VTK has its own node order of second-order cells; a wrong one would turn them inside out
         volume = vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray("Volume"))
         assert volume.min() > 0 and volume.sum() == pytest.approx(1.0, rel=1e-2)
-
-
-def test_fields_as_data_sets_of_other_packages(
-    file: Path, pressed: ContactResult, stored: list[dict[str, Array]]
-) -> None:
-    results, last = Results.read(file.parent.parent), pressed.snapshots[-1]
-    pytest.importorskip("xarray")
-    data = results.to_xarray().sel(step=last.step)
-    assert float(data.delta) == pytest.approx(last.delta)
-    assert float(data.pressure.max()) == pytest.approx(stored[-1]["pressure"].max())
-    pytest.importorskip("pyvista")
-    for k, state in enumerate(stored):
-        np.testing.assert_array_equal(results.to_pyvista(k).point_data["displacement"], state["displacement"])
-    with pytest.raises(InputError, match="no step 2"):
-        results.to_pyvista(2)
 
 
 def test_von_mises_of_known_states() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import call
+from test_export import calculated, calculix
 
 from asperity.case import Case
 from asperity.errors import InputError
@@ -51,16 +52,28 @@ def test_a_deck_has_nodes_elements_and_surfaces(tmp_path: Path, made: Any) -> No
     assert np.all(
         straight < 0.1 * np.linalg.norm(ends[1] - ends[0], axis=2)
     )  # middles of the edges that they belong to
-    top = np.array([n for line in parts["NSET, NSET=NTOP"] for n in line], int) - 1
+    top = np.array([n for line in parts["NSET, NSET=TOP"] for n in line], int) - 1
     np.testing.assert_allclose(block.points[top, 2], block.heights(surface)[top], atol=1e-13)
     covered = []
     for name in ("TOP", "BASE", "SIDES"):
         area = 0.0
-        for cell, side in parts[f"SURFACE, NAME=S{name}, TYPE=ELEMENT"]:
+        for cell, side in parts[f"SURFACE, NAME={name}, TYPE=ELEMENT"]:
             a, b, c = block.points[tets[int(cell) - 1, ABAQUS_FACES[int(side[1]) - 1]]]
             area += 0.5 * float(np.cross(b - a, c - a)[2])
         covered.append(area / 1e-8)
     assert np.abs(covered) == pytest.approx([1.0, 1.0, 0.0], abs=1e-6)  # in projection
+
+
+@pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")
+def test_calculix_finds_the_sets_of_a_deck(tmp_path: Path, made: Any) -> None:
+    """A pressure on the surface TOP is held by the node set BASE: pressure times nominal area, between frictionless
+    walls."""  # fmt: skip
+    write_mesh(*made, tmp_path / "block.inp")
+    lines = ["*INCLUDE, INPUT=block.inp", "*MATERIAL, NAME=M", "*ELASTIC", "2e11, 0.3"]
+    lines += ["*SOLID SECTION, ELSET=BLOCK, MATERIAL=M", "*BOUNDARY", "BASE, 3, 3", "SIDES, 1, 2"]
+    lines += ["*STEP", "*STATIC", "*DSLOAD", "TOP, P, 1e8", "*NODE PRINT, NSET=BASE, TOTALS=ONLY", "RF", "*END STEP"]
+    *_, force = calculated(tmp_path, "job", lines).split()
+    assert float(force) == pytest.approx(1e8 * 1e-8, rel=1e-6)
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtk", ".stl", ".bdf", ".unv"])

@@ -26,9 +26,9 @@ def test_numbers_have_the_digits_of_their_bars() -> None:
     said = " ".join(sentences(force=2.86812e-6, error_P_star=3.2e-6, k_n_elastic=3.6062e3, error_k_n_elastic=288.5))
     assert "The force on the patch is 2.87 µN ± 8 %" in said and "normal 3.61 kN/m ± 8 %" in said
     said = " ".join(sentences(area_fraction=0.123456, error_area_fraction=0.0045))
-    assert "; 12.35 ± 0.45 % of the nominal area is in contact" in said
+    assert "; 12.35 % ± 0.45 percentage points of the nominal area is in contact" in said
     said = " ".join(sentences(area_fraction=0.85, error_area_fraction=1.8))  # what a share of the patch can be wrong
-    assert "; 85 ± 85 % of the nominal area is in contact" in said
+    assert "; 85 % ± 85 percentage points of the nominal area is in contact" in said
 
 
 def test_each_number_names_the_patch_or_the_joint() -> None:

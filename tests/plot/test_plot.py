@@ -32,13 +32,14 @@ from asperity.plot import (
     receptance,
     response,
     save,
+    slip,
     stiffness,
     surface_map,
 )
-from asperity.plot.contact import pressed_thirds
+from asperity.plot.contact import growing_spots, pressed_thirds, turning_surface
 from asperity.plot.curves import local_exponent
-from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
+from asperity.slip import SlipSettings, slip_of_curve
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,7 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
     other = {
         "conductance",
+        "flow",
         "frequency",
         "indentation",
         "leakage",
@@ -218,6 +220,23 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
     assert metres * right.get_ylim()[1] == pytest.approx(own.get_ylim()[1] / numbers.stiffness)
 
 
+def test_the_loops_of_slip_are_apart_and_have_the_energy_of_a_cycle(tmp_path: Path) -> None:
+    """The displacement without slip takes nothing from the area of a loop, and narrows its width."""
+    z, steel = np.linspace(0.0, 1e-8, 41), asp.Material(E=200e9, nu=0.3)
+    settings = SlipSettings(friction=0.3, amplitudes=(0.2, 0.4, 0.6, 0.8), steps=100)
+    curve = Curve.from_rows([{"delta": d, "force": 2e9 * d**1.5} for d in z[1:]])
+    found = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6)
+    found.write(tmp_path)
+    curve.write(tmp_path / "curve.csv")
+    loops = [line.get_xydata()[100:] for line in slip(Results.read(tmp_path)).axes[0].lines]
+    areas = np.array([0.5 * abs(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) for x, y in (loop.T for loop in loops)])
+    energy = np.array([row["energy"] for row in found.loops()])
+    np.testing.assert_allclose(areas / areas[-1], energy / energy[-1], rtol=0.02)
+    width, reach = (np.array([np.ptp(loop[:, 0][np.argsort(np.abs(loop[:, 1]))[:2]]) for loop in loops]),
+                    np.array([np.ptp(loop[:, 0]) for loop in loops]))  # fmt: skip
+    assert np.all(width > 0.2 * reach) and np.all(np.diff(np.log(reach)) > 0.4)
+
+
 def test_the_suffix_is_that_of_a_picture(tmp_path: Path) -> None:
     assert save(Figure(), tmp_path / "a.PNG").read_bytes()[1:4] == b"PNG"
     with pytest.raises(InputError, match=r"a\.xyz has no suffix"):
@@ -255,20 +274,24 @@ def test_the_data_of_the_page_are_those_of_the_run(results: Results) -> None:
     picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(shown["colours"])))[..., :3]
     coloured = np.ptp(picture, axis=-1) > 0.01
     assert coloured.mean() == pytest.approx(results.top["touched"][4].mean(), rel=0.1)
-    assert "30 nm" in shown["caption"]
+    assert "30 nm, under a load of 403 µN ± 3 %, with" in shown["caption"] and shown["side"] == "1 µm"
 
 
 def test_the_spots_grow_as_those_of_the_run(results: Results) -> None:
-    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(Raster(results.top)) or "")))
+    """The pixels in colour are those of the contact and of the scale beside it, which is the same in all frames."""
+    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(results, Raster(results.top)) or "")))
     pressed = (results.top["branch"] == "load") & (results.top["pressure"].max(axis=1) > 0.0)
     assert moving.n_frames == pressed.sum()  # type: ignore[attr-defined]
-    for frame, touched in enumerate(results.top["touched"][pressed]):
+    coloured, touched = [], results.top["touched"][pressed].mean(axis=1)
+    for frame in range(moving.n_frames):  # type: ignore[attr-defined]
         moving.seek(frame)
-        coloured = np.ptp(np.asarray(moving.convert("RGB"), float), axis=-1) > 10.0
-        assert coloured.mean() == pytest.approx(touched.mean(), rel=0.1)
+        coloured.append((np.ptp(np.asarray(moving.convert("RGB"), float), axis=-1) > 10.0).sum())
+    of_patch, of_scale = np.polyfit(touched, coloured, 1)
+    np.testing.assert_allclose(of_patch * touched + of_scale, coloured, atol=0.03 * np.ptp(coloured))
+    assert np.ptp(touched) > 0.1 and 0.3 < of_patch / (moving.width * moving.height) < 0.9
 
 
 def test_without_pressure_there_is_none(tmp_path: Path) -> None:
     results = Results.read(write_run(tmp_path))
     results.top["pressure"][:] = 0.0
-    assert turning_surface(results, on_grid := Raster(results.top)) is None and growing_spots(on_grid) is None
+    assert turning_surface(results, on_grid := Raster(results.top)) is None and growing_spots(results, on_grid) is None

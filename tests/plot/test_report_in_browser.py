@@ -33,6 +33,21 @@ BROKEN = """
 const bad = (i) => !i.complete || i.naturalWidth === 0;
 return [...document.querySelectorAll("img[src]")].filter(bad).map((i) => i.alt);
 """
+# Boxes that scroll sideways, of those that may, and of these the ones that say so.
+SCROLLS = """
+const wide = [...document.querySelectorAll(".wide, .scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1);
+const said = wide.filter((e) => getComputedStyle(e, "::before").content.includes("scroll"));
+return [wide.length, said.length];
+"""
+# Texts that a page writes on its surface, with their places.
+RECORD = """
+window.written = [];
+const write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  written.push([text, x / this.canvas.width, y / this.canvas.height]);
+  write.call(this, text, x, y);
+};
+"""
 SMALLEST = """
 const size = (e) => parseFloat(getComputedStyle(e).fontSize);
 return Math.min(...[...document.querySelectorAll("p, td, th, li, small")].map(size));
@@ -62,6 +77,7 @@ def chromium() -> Iterator[Any]:
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(executable_path=DRIVER))
+    driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": RECORD})
     yield driver
     driver.quit()
 
@@ -83,6 +99,8 @@ def test_nothing_is_cut_off_and_all_pictures_are_there(chromium: Any, report: Pa
             "document.querySelectorAll('details').forEach((d) => { d.open = arguments[0]; })", opened
         )
         assert chromium.execute_script(CUT_OFF) == []
+    scrolling, said = chromium.execute_script(SCROLLS)
+    assert scrolling == (said if width == WIDTHS["phone"] else 1) and (scrolling > 4) == (width == WIDTHS["phone"])
     assert chromium.execute_script(BROKEN) == []
     assert chromium.execute_script("return document.querySelectorAll('img[src]').length") == 8
     assert chromium.get_log("browser") == []
@@ -122,6 +140,10 @@ def test_the_surface_turns(chromium: Any, report: Path, width: int) -> None:
     show(chromium, report, width)
     canvas = chromium.find_element("css selector", "canvas.turn")
     assert canvas.is_displayed() and canvas.size["width"] <= width
+    after_drawing(chromium)
+    written = chromium.execute_script("return written")
+    assert {text for text, *_ in written} == {"x, 1 µm", "y, 1 µm", canvas.get_attribute("data-range")}
+    assert all(0.0 < place < 1.0 for _, *places in written for place in places)
     for _ in range(10):
         canvas.send_keys(Keys.ARROW_DOWN)
     drawn, loaded, above = after_drawing(chromium)

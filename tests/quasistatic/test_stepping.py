@@ -124,6 +124,18 @@ def test_a_cut_step_is_halved_grows_again_and_hits_the_planned_points(
     np.testing.assert_allclose(cut.force[np.isin(cut.delta, smooth.delta)], smooth.force, rtol=1e-7)
 
 
+def test_a_cut_step_does_not_unload_from_a_history_ahead(
+    press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The midpoint rule extrapolates the history; the force of a step that ends before must be that of the path."""
+    soft = Material(1.0, NU, 1e-3, 0.0)
+    smooth = drive(press_of(soft), delta_max=DELTA, steps=5, integrator="midpoint").curve()
+    fail(monkeypatch, lambda call: call in (6, 7, 8))
+    cut = drive(press_of(soft), delta_max=DELTA, steps=5, integrator="midpoint").curve()
+    assert len(cut) > len(smooth)
+    np.testing.assert_allclose(cut.force, np.interp(cut.delta, smooth.delta, smooth.force), rtol=0.15)
+
+
 def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
     press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
 ) -> None:

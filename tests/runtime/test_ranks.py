@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import sys
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -15,7 +14,6 @@ from conftest import world
 from asperity.errors import InputError, OutputError
 from asperity.runtime import compat
 from asperity.runtime.parallel import agree, on_root, on_root_bcast, spread
-from asperity.runtime.usage import clocked
 
 pytestmark = pytest.mark.mpi
 
@@ -62,22 +60,18 @@ def test_libraries_that_start_twice_end_once() -> None:
 
 
 def test_tasks_are_spread_and_their_errors_reach_every_rank(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each is done once; what the slowest rank works longer than the mean is time that rank 0 counts as serial."""
+    """Each is done once, in equal parts."""
     from mpi4py import MPI
 
     comm, done = world(), []
 
     def task(number: int) -> None:
         done.append(number)
-        time.sleep(0.05 if number == 3 else 0.0)
 
-    with clocked() as clock:
-        spread(comm, [partial(task, number) for number in range(5)], near=True)
+    spread(comm, [partial(task, number) for number in range(5)], near=True)
     assert sorted(number for numbers in comm.allgather(done) for number in numbers) == [0, 1, 2, 3, 4]
     if comm.size > 1:
         assert len(done) in (5 // comm.size, 5 // comm.size + 1)
-    parallel = 0.05 / comm.size
-    assert clock.alone == 0.0 if comm.rank or comm.size == 1 else 0.9 * (0.05 - parallel) < clock.alone < clock.wall
     orders: list[list[Callable[[], object]]] = [[partial(task, 0), refuse], [refuse, partial(task, 0)]]
     for tasks in orders:
         with pytest.raises(InputError, match="no"):
@@ -86,9 +80,6 @@ def test_tasks_are_spread_and_their_errors_reach_every_rank(monkeypatch: pytest.
     done.clear()
     spread(comm, [partial(task, number) for number in range(5)], near=True)
     assert done == ([] if comm.rank else [0, 1, 2, 3, 4])
-    with clocked() as clock:
-        on_root(comm, partial(task, 3))
-    assert clock.alone == 0.0 if comm.rank else 0.05 <= clock.alone <= clock.wall
 
 
 def test_a_process_alone_does_not_start_mpi(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,7 @@ from asperity.errors import CaseWarning, CheckpointError, InputError, Interrupte
 from asperity.job.run_case import run
 from asperity.output.run_files import read_summary
 from asperity.plot import CAPTIONS, plot_run
-from asperity.runtime import interrupt
+from asperity.runtime import parallel
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import PICTURES, PRODUCTS, holds_run, is_empty
 
@@ -120,7 +120,7 @@ def ended(how: str, number: int) -> Iterator[None]:
         elif how == "remove":
             patch.setattr(Path, "unlink", remove)
         elif how == "stop":
-            patch.setattr(interrupt.StopRequest, "agreed", lambda _: "the test" if next(count) > number else "")
+            patch.setattr(parallel.StopRequest, "agreed", lambda _: "the test" if next(count) > number else "")
         elif how == "no lock":
             patch.setattr(fcntl, "flock", refuse)
         yield
@@ -416,7 +416,7 @@ def test_a_link_in_the_folder_of_a_run_is_not_followed(tmp_path: Path, name: str
 
 
 def test_the_list_names_every_picture_and_each_file_once() -> None:
-    assert set(CAPTIONS) == set(PICTURES) - {"plasticity", "scene", "slip_map"}  # of older versions
+    assert set(CAPTIONS) == set(PICTURES)
     assert len(set(PRODUCTS)) == len(PRODUCTS)
 
 

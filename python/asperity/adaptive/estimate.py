@@ -10,26 +10,21 @@ import warnings
 from dataclasses import dataclass, replace
 from math import hypot
 from time import process_time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from asperity.adaptive.extrapolation import FLOWING
-from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
-from asperity.adaptive.mesh_plan import (
+from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps, small_strain
+from asperity.adaptive.limits import (
     AREA_ORDER,
     LEAST_STEP,
     MARGIN,
-    MOST_SUBSTEPS,
-    STEP_RULES,
-    MeshFamily,
-    dofs_of,
     next_step,
     partner,
     planned_order,
-    second,
     shares,
-    step_rule,
 )
-from asperity.adaptive.small_strain import judge
+from asperity.adaptive.load_step_error import MOST_SUBSTEPS, STEP_RULES, step_rule
+from asperity.adaptive.meshes import MeshFamily, dofs_of
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import size_field
@@ -48,50 +43,28 @@ TYPICAL_BAR = 0.018  # relative, of a mesh of scale 1 and one RATIO times coarse
 BASE, ROOT, PER_CELL = 180e6, 120e6, 250.0
 
 
-@dataclass(frozen=True)
-class MeshEstimate:
-    """One mesh of a run.
+class Rates(NamedTuple):
+    """Cost of a dof, measured on one core of the machine named in docs/install.md."""
 
-    Attributes:
-        h_contact: element size where the surface is reached last [length]
-        dofs: degrees of freedom
-        steps: load steps, those of unloadings too
-        seconds: of one core
-    """
-
-    h_contact: float
-    dofs: int
-    steps: int
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Rates:
-    """Cost of a dof, measured on one core of the machine named in docs/install.md.
-
-    Attributes:
-        mesh: seconds of meshing and set-up per dof
-        step: seconds of a load step per dof at 10,000 dofs
-        growth: exponent of the dofs in the seconds of a step
-        per_dof: memory per dof [bytes]
-        finite: time of a step in finite strain over that in small strain
-    """
-
-    mesh: float
-    step: float
-    growth: float
-    per_dof: float
-    finite: float
-
-    def of(self, h: float, dofs: int, steps: int, finite: bool) -> MeshEstimate:
-        """A mesh of a run, in finite strain or in small strain."""
-        step = self.step * (self.finite if finite else 1.0)
-        seconds = self.mesh * dofs + steps * step * dofs * (dofs / 1e4) ** (self.growth - 1.0)
-        return MeshEstimate(h, dofs, steps, seconds)
+    mesh: float  # seconds of meshing and set-up per dof
+    step: float  # seconds of a load step per dof at 10,000 dofs
+    growth: float  # exponent of the dofs in the seconds of a step
+    per_dof: float  # memory per dof [bytes]
+    finite: float  # time of a step in finite strain over that in small strain
 
 
 ELASTIC = Rates(1.6e-5, 3.4e-6, 1.03, 1.02e3, 2.17)
 PLASTIC = Rates(1.6e-5, 6.2e-6, 1.08, 1.39e3, 1.45)
+
+
+@dataclass(frozen=True)
+class MeshEstimate:
+    """One mesh of a run."""
+
+    h_contact: float  # element size where the surface is reached last [length]
+    dofs: int
+    steps: int  # load steps, those of unloadings too
+    seconds: float  # of one core
 
 
 @dataclass(frozen=True)
@@ -164,7 +137,8 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         >>> len(found.levels), 10_000 < found.dofs < 30_000
         (1, True)
     """
-    since, rates, tolerance, file = process_time(), _rates(case), case.accuracy.tolerance, case.mesh.file
+    since, tolerance, file = process_time(), case.accuracy.tolerance, case.mesh.file
+    rates = PLASTIC if case.material.plastic else ELASTIC
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the run warns of too
         problem, bar, grid, guide = case.problem(surface), None, 0, None
@@ -175,22 +149,26 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         path = problem.load_path
         depth = path.delta_max or (approach_of_force(problem) if guide is None else guide.depth)
         if guide is None:
-            dofs = _dofs(problem, depth) if file is None else 3 * len(BlockMesh.read(file).points)
+            if file is None:
+                field = size_field(problem.composite, depth, problem.size, problem.sides)
+                dofs = dofs_of(field, problem.height / problem.surface.L, MOST_DOFS)
+            else:
+                dofs = 3 * len(BlockMesh.read(file).points)
             if dofs > MOST_DOFS:
                 raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact, or mesh.growth")
             plan = [(case.mesh.h_contact, dofs, _steps(problem))]
         kinematics = problem.material.kinematics
         if kinematics == AUTO:
-            kinematics = judge(problem, tolerance, guide).kinematics
-    levels = tuple(rates.of(*one, kinematics == "finite") for one in plan)
+            kinematics = small_strain(problem, tolerance, guide).kinematics
+    step = rates.step * (rates.finite if kinematics == "finite" else 1.0)
+    levels = tuple(
+        MeshEstimate(h, dofs, steps, dofs * (rates.mesh + steps * step * (dofs / 1e4) ** (rates.growth - 1.0)))
+        for h, dofs, steps in plan
+    )
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
     first = share + ROOT + PER_CELL * grid
     others = 0.8 + process_time() - since  # libraries and results, and what a run does of this too
     return Estimate(levels, (first, *[share] * (ranks - 1)), depth, str(kinematics), bar, tolerance, others)
-
-
-def _rates(case: Case) -> Rates:
-    return PLASTIC if case.material.plastic else ELASTIC
 
 
 def _steps(problem: Problem, substeps: int = 1) -> int:
@@ -202,7 +180,7 @@ def _steps(problem: Problem, substeps: int = 1) -> int:
     loading = len(schedule.stops())
     if problem.path_dependent and schedule.delta_max is None:
         loading = 2 * (schedule.steps * substeps + 1)
-    return sum(steps if branch == "unload" else loading for branch, steps in schedule.legs)
+    return sum(steps if branch in ("hold", "unload") else loading for branch, steps in schedule.legs)
 
 
 def _plan(
@@ -211,48 +189,30 @@ def _plan(
     """Meshes that a run plans: of each the greatest size in the contact [length], dofs, load steps; and their bar."""
     most, planned = min(max_dofs, MOST_DOFS), planned_steps(problem.load_path.steps)
     problem = replace(problem, load_path=replace(problem.load_path, steps=planned))
-    family = MeshFamily(problem, guide)
-    first, coarse = family.first(most)
-    scale, dofs = family.finest(second(first), first, most)
-    small = None
-    if coarse > most:
-        small = f"a coarse mesh of this block has about {coarse} dofs: raise it"
-    elif min(first / scale, dofs / coarse) < LEAST_STEP:
-        small = (
-            f"the force would have no error bar, for meshes of about {coarse} and {dofs} dofs are nearly the same; "
-            "raise it"
-        )
-    if small:
-        raise InputError(f"accuracy.max_dofs = {most:g} is too small, {small}, or choose the mesh by mesh.h_contact")
+    family = MeshFamily(problem, guide, most, counted=True)
+    meshes = [first := family.next([])]
+    meshes.append(family.next(meshes))
     parts, substeps = [1], 1
     if problem.path_dependent:
         order, share = STEP_RULES[step_rule(problem)]
         while share * (planned * substeps) ** -order >= MARGIN * tolerance and substeps < MOST_SUBSTEPS:
             substeps *= 2
         parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
-    plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
-    scales, plastic = [first], problem.material.plastic
-    order = planned_order(flows=plastic)
+    plan, plastic = [(first.h, first.dofs, _steps(problem, n)) for n in parts], problem.material.plastic
     while True:
-        plan.append((family.h(scale), dofs, _steps(problem, substeps)))
-        scales.append(scale)
+        scales = [mesh.scale for mesh in meshes]
+        scale, h, dofs = meshes[-1]
+        plan.append((h, dofs, _steps(problem, substeps)))
         bar = TYPICAL_BAR * scale ** planned_order()
-        if plastic:  # see `extrapolation.correct`
+        if plastic:  # see `extrapolation.Pair.scatter`
             ratio = scales[partner(scales)] / scale
             part, _ = shares(ratio)
             bar = hypot(bar, FLOWING * hypot(1.0 + part, part * ratio**AREA_ORDER) * family.open_area(scale))
         if bar <= tolerance:
             return plan, bar
-        finer, dofs = family.finest(scale / next_step(bar / tolerance, order), scale, most)
-        if scale / finer < 0.999 * LEAST_STEP:
+        meshes.append(family.next(meshes, next_step(bar / tolerance, planned_order(flows=plastic))))
+        if scale / meshes[-1].scale < 0.999 * LEAST_STEP:
             return plan, bar
-        scale = finer
-
-
-def _dofs(problem: Problem, depth: float) -> int:
-    """Dofs of the mesh of a problem, up to about MOST_DOFS."""
-    field = size_field(problem.composite, depth, problem.size, problem.sides)
-    return dofs_of(field, problem.height / problem.surface.L, MOST_DOFS)
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:

@@ -1,35 +1,44 @@
-"""A half-space with all waves of the surface: where meshes need small elements, and what their tops leave out.
+"""A half-space with all waves of the surface: where meshes need small elements, what tops leave out, which strain.
 
 The force on a mesh differs from the true one because its top is not the surface, and because its elements are stiff.
 These errors may have opposite signs, and two meshes then agree by chance. A half-space tells them apart: pressed with
 the top of the mesh instead of the surface, it shows the first one alone. A force corrected for it has one error of one
-sign and one order.
+sign and one order. The slope of the spots in contact tells what small strain changes in the force.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import ndimage
-from scipy.optimize import brentq
 from scipy.special import ellipkm1
 
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve.slope import SINGLE_CONTACT
+from asperity.mesh.resolution import ONE_MESH
 from asperity.mesh.top import Top, heights_of_top
+from asperity.model.material import AUTO
+from asperity.quasistatic.newton import illinois
 from asperity.reference.halfspace import HARDNESS, SINGLE, RoughHalfSpace, cells_per_side
+from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from asperity.model.problem import Problem
 
 CELLS = 128, 720  # fewest and most per side
 PER_SIZE = 2.3  # cells per element of a mesh of scale 1 with the same elements everywhere
 REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
+CLOSE, TRIALS = 1e-3, 40  # relative, of a force whose approach is sought; and half-spaces that are pressed to find it
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
+SHARE = 1.0 / 3.0  # of the tolerance that small strain may change, ONE_MESH without one
+# Change over the rms slope of the spots, and over its square in a solid that yields: no scene of
+# tests/adaptive/test_small_strain.py, pressed both ways, has more
+ELASTIC, YIELDING = 0.11, 5.0
 
 
 @dataclass(frozen=True)
@@ -40,20 +49,21 @@ class Omission:
         delta_star: approaches (k,) [L]
         force: force on the surface over that on the top of the mesh, minus 1 (k,)
         area: the same of the area of contact (k,)
-        singular: part of the edges of the spots of the surface with a singular pressure (k,), see `spots_of`
+        singular: part of the edges of the spots with a singular pressure, by their forces (k,), see `spots_of`
+        sharp: the same by their lengths (k,)
     """
 
     delta_star: Floats
     force: Floats
     area: Floats
     singular: Floats
+    sharp: Floats
 
-    def at(self, delta_star: Floats) -> tuple[Floats, Floats, Floats]:
-        """Changes of force and area, and the singular part, at other approaches."""
-        of_force, of_area, singular = (
-            np.interp(delta_star, self.delta_star, values) for values in (self.force, self.area, self.singular)
-        )
-        return of_force, of_area, singular
+    def at(self, delta_star: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Changes of force and area, and both singular parts, at other approaches."""
+        columns = self.force, self.area, self.singular, self.sharp
+        of_force, of_area, singular, sharp = (np.interp(delta_star, self.delta_star, values) for values in columns)
+        return of_force, of_area, singular, sharp
 
 
 class Guide:
@@ -84,19 +94,19 @@ class Guide:
         columns, p = [], np.asarray(np.zeros((1, 1)))
         for k in range(steps):
             delta = float(self.delta_star[k])
-            layer, p, sizes, singular = self._press(delta, p)
+            layer, p, sizes, *singular = self._press(delta, p)
             n = max(layer.n, len(self.sizes))
             early = (delta / self.delta_star[-1]) ** EARLY
             self.sizes = np.minimum(on_grid(self.sizes, n), early * on_grid(sizes, n))
-            columns.append((float(p.mean()), layer.area(p), singular))
+            columns.append((float(p.mean()), layer.area(p), *singular))
             if k in (0, steps // 2, steps - 1):
                 self._pressed[k] = layer, p.astype(np.single)
-        self.force, self._area, self._singular = np.transpose(columns)
+        self.force, self._area, *self._singular = np.transpose(columns)
         square, touched = sum(slope**2 for slope in np.gradient(self._heights[layer.n], 1.0 / layer.n)), p > 0.0
         self.slope = float(np.sqrt(np.mean(square[touched]))) if touched.any() else 0.0
         self._heights.clear()
 
-    def _press(self, delta: float, p: Floats) -> tuple[RoughHalfSpace, Floats, Floats, float]:
+    def _press(self, delta: float, p: Floats) -> tuple[RoughHalfSpace, Floats, Floats, float, float]:
         """Half-space and pressure at an approach, and what `spots_of` says of it.
 
         Args:
@@ -114,9 +124,9 @@ class Guide:
             if not p.any():  # a spot between the centres of the cells
                 spot = np.zeros_like(p)
                 spot[np.unravel_index(self._heights[n].argmax(), p.shape)] = 1.0
-            sizes, even, singular = spots_of(spot, layer.hardness)
+            sizes, even, *singular = spots_of(spot, layer.hardness)
             cells = PER_SIZE / even
-        return layer, p, sizes, singular
+        return layer, p, sizes, *singular
 
     def edges(self) -> list[tuple[Floats, float, float]]:
         """Edges of the spots at three steps: places (m, 2), the length of each and the area of the spots [L, L^2]."""
@@ -138,7 +148,7 @@ class Guide:
             (p,) = layer.pressures(heights[layer.n], self._summit, at[[k]], SINGLE, [start])
             parts.append((_change(self.force[k], float(p.mean())), _change(self._area[k], layer.area(p))))
         force, area = (np.interp(at, at[[*self._pressed]], part) for part in np.transpose(parts))
-        return Omission(at, force, area, self._singular)
+        return Omission(at, force, area, *self._singular)
 
 
 def on_grid(values: Floats, n: int) -> Floats:
@@ -176,16 +186,15 @@ def approach_of_force(problem: Problem) -> float:
     # all of the surface in contact, and the block below compressed
     deepest = summit - float(heights.min()) + wanted * height * solid.reduced_modulus / solid.E
 
-    @cache
-    def missing(delta_star: float) -> float:
-        """What is missing of the force, in a power of it that a single contact makes straight."""
+    def beyond(delta_star: float) -> float:
+        """Force less the wanted one, in a power of it that a single contact makes straight."""
         found = layer.curve(heights, summit, [delta_star], tolerance=1e-2).P_star[0]
-        return float(wanted ** (1.0 / SINGLE_CONTACT) - found ** (1.0 / SINGLE_CONTACT))
+        return float((found / wanted) ** (1.0 / SINGLE_CONTACT) - 1.0)
 
-    lightest = 1e-6 * deepest
-    if missing(lightest) <= 0.0 or missing(deepest) >= 0.0:
-        return surface.L * (lightest if missing(lightest) <= 0.0 else deepest)
-    return surface.L * float(brentq(missing, lightest, deepest, rtol=1e-2))
+    low, high = ((at, beyond(at)) for at in (1e-6 * deepest, deepest))
+    if low[1] >= 0.0 or high[1] <= 0.0:
+        return surface.L * (low if low[1] >= 0.0 else high)[0]
+    return surface.L * illinois(beyond, low, high, CLOSE, TRIALS)
 
 
 def edge_of(touched: Flags) -> Flags:
@@ -193,7 +202,7 @@ def edge_of(touched: Flags) -> Flags:
     return np.asarray(touched & ~ndimage.binary_erosion(touched, border_value=1))
 
 
-def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float]:
+def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float, float]:
     """Sizes with which the sum of w_i F_i/F (h_i/a_i)^2 over the spots is 1, and the part of edges that is singular.
 
     A spot of half-width a and force F_i adds w_i F_i (h/a)^2 to the error of the force, w_i being `own_part`, and
@@ -210,12 +219,12 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
 
     Returns:
         sizes at the cells, inf where there is no contact (n, n) [side], the same size everywhere that has this error
-        [side], and the part of the edges, by the forces
+        [side], and the part of the edges, by the forces and by their lengths
     """
     n, touched = len(pressure), pressure > 0.0
     spot, count = ndimage.label(touched, np.ones((3, 3)))
     if count == 0:
-        return np.full(pressure.shape, np.inf), inf, 0.0
+        return np.full(pressure.shape, np.inf), inf, 0.0, 0.0
     inside = np.full(touched.shape, 0.5 * n) if touched.all() else ndimage.distance_transform_edt(touched)
     of, p = spot[touched] - 1, pressure[touched]
     half_width, cells, force = np.zeros(count), np.bincount(of), np.bincount(of, p)
@@ -231,7 +240,7 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
     high = edge & (p > (force / cells)[of]) & ~flows
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))
     part = float(np.sum(share * singular / np.maximum(edges, 1.0)))
-    return np.append(np.inf, sizes)[spot], even, part
+    return np.append(np.inf, sizes)[spot], even, part, float(singular.sum() / max(edges.sum(), 1.0))
 
 
 def own_part(touched: Flags, of: Array, cells: Array) -> Floats:
@@ -257,3 +266,76 @@ def own_part(touched: Flags, of: Array, cells: Array) -> Floats:
 def _change(whole: float, part: float) -> float:
     """Ratio minus 1; 0 where the top of the mesh is not touched, whose mesh has no force either."""
     return whole / part - 1.0 if part > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class SmallStrain:
+    """Estimate of what small strain changes in the force.
+
+    Attributes:
+        kinematics: chosen, "small" or "finite"
+        slope: rms slope of the spots in contact under the greatest load
+        percent: greatest change of the force [per cent]
+        limit: greatest one with which small strain is chosen [per cent]
+    """
+
+    kinematics: str
+    slope: float
+    percent: float
+    limit: float
+
+    def describe(self) -> str:
+        """One line for the log."""
+        return (
+            f"kinematics = {self.kinematics}: small strain changes the force by up to {self.percent:.2g} %, the limit "
+            f"is {self.limit:.2g} %"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section model.small_strain of summary.json."""
+        return {"greatest_percent": self.percent, "limit_percent": self.limit, "slope": self.slope}
+
+
+def choose_kinematics(
+    problem: Problem, tolerance: float | None = None, comm: MPI.Comm | None = None, guide: Guide | None = None
+) -> tuple[Problem, SmallStrain | None]:
+    """The problem with small or finite strain, and what small strain changes in its force; collective.
+
+    Of kinematics = "auto", small strain is chosen where it changes the force by less than a third of the tolerance, 5 %
+    without one; another choice is kept, and nothing is estimated.
+
+    Args:
+        problem: with any material.kinematics
+        tolerance: relative, of the force
+        comm: communicator; default all ranks
+        guide: half-space of the problem on rank 0, where there is one
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> rubber = asp.Material(E=1.0, nu=0.3, kinematics="auto")
+        >>> for delta in (0.001, 0.1):
+        ...     chosen, found = choose_kinematics(asp.Problem.of(Flat(L=1.0), rubber, delta_max=delta))
+        ...     print(chosen.material.kinematics, round(found.percent, 2))
+        small 0.15
+        finite 15.0
+    """
+    from mpi4py import MPI
+
+    if problem.material.kinematics != AUTO:
+        return problem, None
+    found = on_root_bcast(MPI.COMM_WORLD if comm is None else comm, lambda: small_strain(problem, tolerance, guide))
+    return replace(problem, material=replace(problem.material, kinematics=found.kinematics)), found
+
+
+def small_strain(problem: Problem, tolerance: float | None, guide: Guide | None = None) -> SmallStrain:
+    """The choice of `choose_kinematics`, in one process; it errs towards finite strain, which is right in any case."""
+    solid = problem.material
+    guide = guide or Guide(problem, problem.load_path.delta_max or approach_of_force(problem), steps=1)
+    load, slope = float(guide.force[-1]) * solid.reduced_modulus, guide.slope
+    strain = load / solid.block_modulus(problem.sides)
+    if load >= solid.yield_pressure(problem.sides):  # the block flows as a whole
+        strain = guide.depth / problem.height
+    # of a block as a whole the stress is ln(1 - e)/(1 - e) for -e, to first order
+    change = 1.5 * strain + ELASTIC * slope + (YIELDING * slope**2 if solid.plastic else 0.0)
+    limit = SHARE * (ONE_MESH if tolerance is None else tolerance)
+    return SmallStrain("small" if change <= limit else "finite", slope, 100.0 * change, 100.0 * limit)

@@ -1,24 +1,92 @@
-"""The limit of a quantity on two meshes and its error bar: extrapolated, or by the place of the edge of the contact."""
+"""The limit of a quantity on two meshes with its error bar, and the mesh that has a given bar.
+
+The meshes of a run differ by one number, their scale: the element sizes over those of `guide.spots_of`. The force
+differs from its limit by c scale^p. The order p depends on the scene; the limit is therefore the mean of those that the
+ends of a range of orders give, and half their distance is its error bar (Richardson's extrapolation; Roache, J. Fluids
+Eng. 116 (1994) 405). The area of contact has another bar, by the place of its edge.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
 from asperity.adaptive.guide import REACH
-from asperity.adaptive.mesh_plan import MESH_ORDERS, shares
 from asperity.arrays import Flags, Floats
 from asperity.curve.curve import EDGE
 
+Orders = tuple[float, float]
+
+# Range of the order of the force in the scale, also of meshes as coarse as the first one (docs/accuracy.md)
+MESH_ORDERS, FIRST_ORDERS = (1.6, 2.4), (1.2, 2.4)
+GAP_ORDERS = (0.7, 2.4)  # the same of the mean gap at a given force, the lower end near full contact
+FLOW_ORDERS = (0.7, inf)  # and of the flow through the gap: between spots its order is seen from 0.8 to 4
+# Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; and that of the bar of the
+# area, of the edges of spots (docs/theory.md)
+EDGE_ORDER, AREA_ORDER = 1.0, 1.5
+FIRST = 3.0  # scale of the first mesh
+RATIO = 2.0  # of the first two scales
+GREATEST_STEP = 3.0  # from a scale to the next: what a bar needs is known to this factor
+LEAST_STEP = RATIO ** (1.0 / 3.0)  # least one from a scale to the next
+LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
+MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
 NEIGHBOURS = 2 * REACH + 1  # steps that are averaged
 SHARP = 0.3  # what EDGE is where the surface ends in a sharp edge, which lies anywhere in the facets
 ALIKE = 2.0  # neighbouring steps that place the edge of the contact alike
 
 
+def shares(ratio: float, singular: Floats | float = 0.0, orders: Orders = MESH_ORDERS) -> tuple[Floats, Floats]:
+    """Error of the finer of two meshes, and error bar of their limit, both over the difference of the meshes.
+
+    Where the pressure is singular the edge of the contact falls between nodes by chance: the bar holds all from the
+    first order to a finer mesh without error.
+
+    Args:
+        ratio: of their scales
+        singular: part of the edges of spots where the pressure is singular (n,), see `guide.spots_of`
+        orders: least and greatest order of the quantity in the scale
+    """
+    part = np.asarray(singular, dtype=float)
+    edge, low, high = (1.0 / (ratio**p - 1.0) for p in (EDGE_ORDER, *orders))
+    low, high = low + part * (edge - low), (1.0 - part) * high
+    return 0.5 * (low + high), 0.5 * (low - high)
+
+
+def orders_of(coarse: float) -> Orders:
+    """Range of the order of the force between the mesh of a scale and a finer one."""
+    return FIRST_ORDERS if coarse > RATIO else MESH_ORDERS
+
+
+def planned_order(singular: float = 0.0, flows: bool = False) -> float:
+    """Order of the bar to plan with: the mean of MESH_ORDERS, that of singular pressures, see `shares`, or of scatter.
+
+    Args:
+        singular: part of the edges with a singular pressure
+        flows: whether the solid yields, and most of the bar is that of the area
+    """
+    smooth = AREA_ORDER if flows else 0.5 * sum(MESH_ORDERS)
+    return smooth + singular * (EDGE_ORDER - smooth)
+
+
+def next_step(excess: float, order: float) -> float:
+    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does.
+
+    Rounded: the rounding of the bar differs with the ranks, and gmsh makes another mesh of any other size.
+    """
+    return float(np.clip(round((excess / MARGIN) ** (1.0 / order), 2), LEAST_STEP, GREATEST_STEP))
+
+
+def partner(scales: Sequence[float]) -> int:
+    """Place of the mesh to extrapolate the last one from: the nearest coarser by LEAST_RATIO, or the first."""
+    enough = [k for k, scale in enumerate(scales[:-1]) if scale >= 0.999 * LEAST_RATIO * scales[-1]]
+    return enough[-1] if enough else 0
+
+
 def limit_of_meshes(
     coarse: Floats, fine: Floats, ratio: float, singular: Floats | float = 0.0, judged: Flags | None = None,
-    orders: tuple[float, float] = MESH_ORDERS,
+    orders: Orders = MESH_ORDERS,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
@@ -28,25 +96,22 @@ def limit_of_meshes(
 
     Args:
         coarse, fine: values on the meshes, not negative (n,)
-        ratio: of their scales
-        singular: see `mesh_plan.shares`
+        ratio, singular, orders: see `shares`
         judged: rows that are averaged among themselves; None for all
-        orders: least and greatest order of the quantity in the scale
 
     Returns:
         factor (n,), 1 where a value vanishes, and the bar (n,)
     """
     known = (coarse > 0.0) & (fine > 0.0)
     change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
-    judged = np.ones(len(fine), dtype=bool) if judged is None else judged
     weight, share = shares(ratio, singular, orders)
-    smooth = _by_parts(_average, weight * change, judged)
-    bar, rest = (_by_parts(steady, part, judged) for part in (share * change, weight * change - smooth))
-    return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
+    smooth = averaged(weight * change, judged)
+    bar = np.hypot(steady(share * change, judged), steady(weight * change - smooth, judged))
+    return np.where(known, np.exp(-smooth), 1.0), bar
 
 
 def limit_of_area(
-    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], singular: Floats, judged: Flags
+    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], sharp: Floats, judged: Flags
 ) -> tuple[Floats, Floats]:
     """Area of contact at a force over the area on the finer of two meshes, and the relative error bar.
 
@@ -59,7 +124,7 @@ def limit_of_area(
     Args:
         areas, edges, chance: of the coarser and the finer mesh at the same forces: part in contact (n,); part of the
             facets that its edge crosses (n,); error of the area by the random place of the edge, relative (n,)
-        singular: see `mesh_plan.shares`
+        sharp: part of the edges, by their lengths, that are sharp (n,), see `guide.spots_of`
         judged: rows that show the part
 
     Returns:
@@ -70,34 +135,30 @@ def limit_of_area(
     known = (square > 0.0) & np.isfinite(wide) & np.isfinite(narrow)
     weight = np.divide(known, ALIKE * square, out=np.zeros(len(fine)), where=known)
     more, missing = np.nan_to_num(wide - narrow), fine - coarse
-    precision, shown = (_by_parts(_average, weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
+    precision, shown = (averaged(weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
     place = EDGE * (1.0 + fine)
     part = shown / (precision + (2.0 / place) ** 2)
-    left = np.maximum(place + singular * (SHARP - place), 0.5 * np.abs(part))
+    left = np.maximum(place + sharp * (SHARP - place), 0.5 * np.abs(part))
     crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
-    factor = np.maximum(1.0 + part * crossed, 0.0)
-    return factor, np.hypot(chance[1], left * crossed)
+    return np.maximum(1.0 + part * crossed, 0.0), np.hypot(chance[1], left * crossed)
 
 
-def steady(relative: Floats) -> Floats:
+def averaged(values: Floats, judged: Flags | None = None) -> Floats:
+    """Mean over the neighbours, REACH to either side (n,); that of judged rows over judged rows alone."""
+    padded = np.pad(values, REACH, mode="edge")
+    found = np.asarray(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS).mean(axis=1))
+    if judged is not None:
+        found[judged] = averaged(values[judged])
+    return found
+
+
+def steady(relative: Floats, judged: Flags | None = None) -> Floats:
     """Error bars that do not vanish where an error happens to change sign.
 
-    Each is at least the root mean square over its neighbours, REACH to either side.
+    Each is at least the root mean square over its neighbours, see `averaged`.
 
     Args:
         relative: estimated relative errors along a branch (n,)
+        judged: rows whose neighbours are judged rows
     """
-    return np.maximum(np.abs(relative), np.sqrt(_average(relative**2)))
-
-
-def _average(values: Floats) -> Floats:
-    """Mean over the neighbours, REACH to either side."""
-    padded = np.pad(values, REACH, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS).mean(axis=1))
-
-
-def _by_parts(filtered: Callable[[Floats], Floats], values: Floats, judged: Flags) -> Floats:
-    """Filtered values, those of judged rows from judged rows alone."""
-    found = filtered(values)
-    found[judged] = filtered(values[judged])
-    return found
+    return np.maximum(np.abs(relative), np.sqrt(averaged(relative**2, judged)))

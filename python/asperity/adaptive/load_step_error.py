@@ -1,24 +1,20 @@
 """Error of the force from the load steps, and the number of parts that the tolerance takes.
 
-Plastic flow and stick make the force depend on the load steps.
-
-The first mesh measures it: it depends little on the mesh, and corrects the forces of all of them.
+Plastic flow and stick make the force depend on the load steps. The first mesh measures the error: it depends little on
+the mesh, and corrects the forces of all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import inf
-from typing import Any
 
 import numpy as np
 
-from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled
-from asperity.adaptive.limits import steady
-from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import MARGIN, MOST_SUBSTEPS, RATIO, STEP_RULES, step_rule
+from asperity.adaptive.limits import MARGIN, RATIO, steady
+from asperity.adaptive.loading import judged_rows, loading_force, scaled
+from asperity.adaptive.meshes import LevelSolver
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.laws import shipped
@@ -26,35 +22,52 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 
+STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
+# Order of the force in the load step, and bar over correction, which need not carry over to other meshes. Of the rule
+# of first order much more is corrected. With other steps other nodes stick first, so that the order of stick is seen as
+# low as 0.5 between two runs, and its correction may even have the wrong sign: 1 + (2^1.5 - 1)/(2^0.5 - 1)
+STEP_RULES = {MIDPOINT: (2.0, 0.5), STICK: (1.5, 5.4), BACKWARD_EULER: (1.0, 1.0)}
+MOST_SUBSTEPS = 32  # parts of a load step: each doubling is one more run of the first mesh
 LEAST_ORDER = 0.5  # of the force in the load step, below which runs show no convergence
-Along = Callable[[Floats], Any]  # a relative error along the loading, at approaches (n,)
+
+
+def none() -> dict[int, Floats]:
+    """Errors of whole steps that have none."""
+    return {1: np.zeros(1)}
 
 
 @dataclass(frozen=True)
 class LoadStepError:
-    """Error of the force from the load steps, relative, by the number of parts of each.
+    """Error of the force from the load steps, relative, by the number of parts of each; by default there is none.
 
     Attributes:
-        correction: error of the force
-        bar: error left after the correction
         substeps: parts chosen for the finer meshes
+        at: approaches (k,) [L]
+        errors: that are corrected there (k,)
+        bars: of what is left after the correction (k,)
         unknown: why there is no such error, empty where it is known
     """
 
-    correction: Mapping[int, Along]
-    bar: Mapping[int, Along]
     substeps: int = 1
+    at: Floats = field(default_factory=lambda: np.zeros(1))
+    errors: Mapping[int, Floats] = field(default_factory=none)
+    bars: Mapping[int, Floats] = field(default_factory=none)
     unknown: str = ""
-
-    @classmethod
-    def none(cls, unknown: str = "") -> LoadStepError:
-        """That of an elastic solid without friction, which has none; or why it is not known."""
-        return cls({1: np.zeros_like}, {1: np.zeros_like}, unknown=unknown)
 
     def removed(self, curve: Curve, substeps: int) -> Curve:
         """A curve computed in so many parts of each step, corrected for the load steps; see `scaled`."""
-        factor = 1.0 / (1.0 + self.correction[substeps](curve.delta_star))
+        factor = 1.0 / (1.0 + np.interp(curve.delta_star, self.at, self.errors[substeps]))
         return scaled(curve, factor[curve.branch == "load"])
+
+    def left(self, delta_star: Floats, substeps: int) -> Floats:
+        """Bar of such a curve at approaches (n,)."""
+        return np.interp(delta_star, self.at, self.bars[substeps])
+
+
+def step_rule(problem: Problem) -> str:
+    """What the error of the load steps follows, a key of STEP_RULES: the rule of plasticity, or that of stick."""
+    integrator, sticks = problem.load_path.integrator or BACKWARD_EULER, problem.formulation.sticks
+    return STICK if sticks and not (problem.material.plastic and integrator == BACKWARD_EULER) else integrator
 
 
 def measures_order(problem: Problem) -> bool:
@@ -79,7 +92,7 @@ def step_errors(
 
     Args:
         forces: along a path, by the number of parts of each step, the last ones with twice as many each (n,)
-        rule: see `mesh_plan.step_rule`
+        rule: see `step_rule`
         measured: whether the order is measured, of at least three runs
 
     Returns:
@@ -103,7 +116,7 @@ def step_errors(
 def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
-    It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last runs. What is found
+    The mesh is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last runs. What is found
     corrects other meshes as well. Where by the order of the rule more than MOST_SUBSTEPS would be needed, or runs
     differ by chance, the parts with the least bar are chosen, and `refine` asks for more steps.
 
@@ -111,11 +124,13 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
         the result with the most parts, at least two, and the error. If the greatest number of dofs allows no mesh that
         is touched, the result of the last one without an error
     """
-    rule, measured, result = step_rule(run.problem), measures_order(run.problem), run(1.0)
-    while result.curve.untouched() and not run.limit(RATIO):
-        result = run(RATIO)  # heights smoothed for large elements may lie below the flat
+    rule, measured = step_rule(run.problem), measures_order(run.problem)
+    result = run.press()
+    while result.curve.untouched() and not run.limit():
+        run.refine(RATIO)  # heights smoothed for large elements may lie below the flat
+        result = run.press()
     if result.curve.untouched():
-        return result, LoadStepError.none("no mesh that measures its load steps is touched")
+        return result, LoadStepError(unknown="no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, run.problem.load_path.steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
@@ -123,7 +138,7 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
     while True:
         n *= 2
         del result
-        result = run(substeps=n)
+        result = run.press(n)
         P[n] = loading_force(result.curve, at)
         if measured and n == 2:
             continue
@@ -132,6 +147,5 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
         enough = next((k for k in sorted(left) if left[k] < MARGIN * tolerance), 0)
         needed = n * (left[n] / (MARGIN * tolerance)) ** (1.0 / STEP_RULES[rule][0])
         if enough or left[n] >= before or needed > MOST_SUBSTEPS:
-            correction, bar = ({k: partial(np.interp, xp=at, fp=v) for k, v in of.items()} for of in (errors, bars))
-            return result, LoadStepError(correction, bar, enough or min(left, key=lambda k: left[k]))
+            return result, LoadStepError(enough or min(left, key=lambda k: left[k]), at, errors, bars)
         before = left[n]

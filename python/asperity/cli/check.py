@@ -34,7 +34,7 @@ def check(case_file: str, ranks: int, output: str | None, as_json: bool, overrid
 
     Makes the meshes of a run, and refuses and warns in the same words. Estimates degrees of freedom (dofs), memory and
     time to a factor of 1.5. Only the run can judge what depends on the solution, such as plastic strains. DIR receives
-    surface.png and abbott.png. Exit code 0 when a run accepts the case, 2 when it refuses it.
+    surface.png. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
@@ -72,11 +72,10 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
     from mpi4py import MPI
 
     from asperity.adaptive.guide import guide_of
-    from asperity.adaptive.mesh_levels import LevelSolver
-    from asperity.adaptive.mesh_plan import second
+    from asperity.adaptive.meshes import MeshFamily, PlannedMesh
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.make import distributed, make_block
-    from asperity.quasistatic.solve_problem import Callbacks, judge, refuse_other_height
+    from asperity.quasistatic.solve_problem import judge, refuse_other_height
 
     comm, surface = MPI.COMM_SELF, problem.surface
 
@@ -85,10 +84,10 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
         distributed(comm, surface, block, problem.sides)
 
     if case.accuracy.tolerance is not None:
-        levels = LevelSolver(problem, guide_of(problem), case.accuracy, comm, Callbacks())
+        family, meshes = MeshFamily(problem, guide_of(problem), case.accuracy.max_dofs), list[PlannedMesh]()
         for _ in range(2):  # the meshes without which there is no error bar
-            levels.refine(levels.scales[-1] / second(levels.scales[-1]) if levels.scales else 1.0)
-            take(levels.block)
+            meshes.append(family.next(meshes))
+            take(family.block)
     elif case.mesh.file is not None:
         take(BlockMesh.read(case.mesh.file))
     else:

@@ -107,7 +107,7 @@ def import_map(
         with files_into(folder) as aside:  # whole, or not at all
             patch.save(aside / "patch.npz", about=origin)
             progress.stage("figures")
-            _draw(aside, surface, iso, spectrum, affine)
+            _draw(aside, surface, spectrum, affine)
             (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
             text = CASE.format(delta=surface.light_approach())
             (aside / "case.toml").write_text(text, encoding="utf-8")
@@ -145,14 +145,11 @@ def _self_affine(read: HeightField, patch: HeightField) -> tuple[Spectrum, SelfA
         return spectrum, None
 
 
-def _draw(
-    folder: Path, surface: HeightMap, iso: dict[str, float | None] | None, spectrum: Spectrum,
-    affine: SelfAffineFit | None,
-) -> None:  # fmt: skip
+def _draw(folder: Path, surface: HeightMap, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
     from asperity.plot import save
     from asperity.plot.fields import spectrum_figure
 
-    draw(folder, surface, iso, "m")
+    draw(folder, surface, "m")
     save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")
 
 

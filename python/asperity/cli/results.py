@@ -42,13 +42,13 @@ def export(
 ) -> None:
     """Write the contact of a run, or a rough block, for another program.
 
-    The contact is pressure over approach of the mean planes, for CalculiX, Abaqus, ANSYS or as CSV, within 1 % if read
+    The contact is pressure over approach of the mean planes, for CalculiX, Abaqus or as CSV, within 1 % if read
     linearly. --preload is by default the preload of the joint, or half of the greatest force.
 
     The block is FILE.inp (CalculiX, Abaqus), .msh, .vtk, .stl, .bdf or .unv: the last mesh of the run OUT, or the mesh
     of CASE.toml without a solve.
     """
-    from asperity.output.export import exported
+    from asperity.output import export as contact
     from asperity.output.mesh_file import SUFFIXES, export_mesh
 
     mesh, case = Path(to).suffix.lower() in SUFFIXES, source.is_file()
@@ -64,12 +64,10 @@ def export(
         raise InputError(f"--law, --preload and -o are for the contact, not for the mesh {to}: leave them out")
     if mesh:
         written, block = export_mesh(source, to, overrides)
-        sentences: tuple[str, ...] = (f"{len(block.points)} nodes, {len(block.tets)} tetrahedra of second order",)
+        options.say(f"written {written}: {len(block.points)} nodes, {len(block.tets)} tetrahedra of second order")
     else:
-        written, sentences = exported(source, to, output, law=law, load=load)
-    options.say(f"written {written}")
-    for sentence in sentences:
-        options.say(sentence)
+        written = contact.export(source, to, output, law=law or "table", load=load)
+        options.say(f"written {written}; its head says what linear reading changes")
 
 
 @click.command()

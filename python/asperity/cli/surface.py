@@ -21,7 +21,7 @@ def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show:
     Args:
         kind: of surface, the title of the table
         metre: label of the unit of length
-        folder: receives surface.png, and of a rough surface abbott.png
+        folder: receives surface.png
         show: print them
     """
     from asperity.surface.scans import HeightField
@@ -40,7 +40,7 @@ def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show:
             if show:
                 show_iso(found, metre)
         folder.mkdir(parents=True, exist_ok=True)
-        path = draw(folder, surface, found, metre)
+        path = draw(folder, surface, metre)
         if show:
             options.say(f"written {path}")
     return {
@@ -49,13 +49,10 @@ def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show:
     }  # fmt: skip
 
 
-def draw(folder: Path, surface: Surface, iso: Iso, metre: str) -> Path:
-    """Write a picture of a surface, whose path is returned, and with its parameters the Abbott curve of heights."""
+def draw(folder: Path, surface: Surface, metre: str) -> Path:
+    """Write a picture of a surface, and return its path."""
     from asperity.plot import save, surface_map
-    from asperity.plot.fields import abbott_figure
 
-    if iso is not None:
-        save(abbott_figure(surface.heights, iso, metre), folder / "abbott.png")
     return save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
 
 

@@ -96,12 +96,16 @@ class OnTool(ActiveSet):
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         r, rows, lacking = super().residual(force)
         held = self._nodes[self.active]
-        self._pressed = -force[held, 2]
         places = (self._solid.points[held] + self._solid.u.x.array.reshape(-1, 3)[held])[:, :2]
-        self._slopes = np.zeros((self._solid.owned, 2))
-        _, self._slopes[held], self._curvature = self._tool.shape(places, self.surface.spacing[held])
-        r[held, :2] += self._pressed[:, None] * self._slopes[held]
-        return r, rows, lacking
+        slopes, self._curvature = self._tool.shape(places)
+        below = self._tool.tips(places, self.surface.spacing[held])
+        slopes[below], self._curvature[below] = 0.0, 0.0
+        self._pressed, self._slopes = -force[held, 2], np.zeros((self._solid.owned, 2))
+        self._slopes[held] = slopes
+        r[held, :2] += self._pressed[:, None] * slopes
+        r[held[below]] = 0.0
+        pinned = (3 * held[below, None] + [0, 1]).ravel().astype(np.int32)
+        return r, np.concatenate([rows, pinned]), np.concatenate([lacking, np.zeros(len(pinned))])
 
     def add_tangent(self) -> None:
         solid = self._solid

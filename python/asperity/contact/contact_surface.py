@@ -140,7 +140,7 @@ class ContactSurface:
             return np.asarray(self.heights[nodes] + u[:, 2])
         assert self.tool is not None
         points = self.solid.points[nodes] + u
-        return np.asarray(points[:, 2] + self.tool.shape(points[:, :2], self.spacing[nodes])[0])
+        return np.asarray(points[:, 2] + self.tool.height(points[:, :2]))
 
     @cached_property
     def spacing(self) -> Floats:

@@ -171,7 +171,8 @@ def transmissivity(edges: Indices, conductance: Floats, closed: Flags) -> float:
         where=closed & (conductance.any(axis=1, keepdims=True)),
     )  # fmt: skip
     conductance = np.where(closed, 2.0 / 3.0 * through, conductance)
-    return network_flow(first.ravel(), second.ravel(), np.where(shut, 0.0, conductance).ravel())
+    flow = network_flow(first.ravel(), second.ravel(), np.where(shut, 0.0, conductance).ravel())
+    return float(flow[first.ravel() == INLET].sum() - flow[second.ravel() == INLET].sum())
 
 
 def _sides(at: Floats, axis: int) -> Integers:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asperity.arrays import Floats
+from asperity.arrays import Flags, Floats
 from asperity.surface import Surface
 
-SHARP = 1.0  # change of the slope from node to node at a tip that they do not follow
-BLUNT = 0.25  # radius of what is blunt there, over the distance of the nodes
+TIP, AROUND = 0.01, 0.25  # fall of the heights around a tip over their distance; that over the distance of the nodes
 
 
 @dataclass(frozen=True)
@@ -33,22 +32,15 @@ class Tool:
         """Heights at points (n, 2) [L]: (n,) [L]."""
         return np.asarray(self.surface.height(*self._at(points)) / self.surface.L)
 
-    def shape(self, points: Floats, spacing: Floats) -> tuple[Floats, Floats, Floats]:
-        """Heights at points (n, 2) [L], slopes, and second derivatives: (n,) [L], (n, 2), (n, 2, 2) [1/L].
-
-        A tip that is sharper than the `spacing` of the nodes (n,) [L] is blunt for the node below it, which would be
-        sent from one flank to the other: it has the mean of four points around.
-        """
-        height, slope, curvature = found = self._shape(points)
-        sharp = np.flatnonzero(np.abs(curvature).max(axis=(1, 2), initial=0.0) * spacing > SHARP)
-        ring = BLUNT * spacing[sharp, None, None] * np.concatenate([np.eye(2), -np.eye(2)])
-        around = self._shape((points[sharp, None] + ring).reshape(-1, 2))
-        for whole, part in zip(found, around, strict=True):
-            whole[sharp] = part.reshape(-1, 4, *part.shape[1:]).mean(axis=1)
-        return height, slope, curvature
-
-    def _shape(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+    def shape(self, points: Floats) -> tuple[Floats, Floats]:
+        """Slopes and second derivatives at points (n, 2) [L]: (n, 2), (n, 2, 2) [1/L]."""
         at = self._at(points)
         xx, xy, yy = self.surface.hessian(*at)
         curvature = self.surface.L * np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
-        return self.height(points), np.stack(self.surface.gradient(*at), axis=-1), curvature
+        return np.stack(self.surface.gradient(*at), axis=-1), curvature
+
+    def tips(self, points: Floats, spacing: Floats) -> Flags:
+        """Whether the heights fall on all sides of points (n, 2) [L], within the `spacing` of nodes (n,) [L]."""
+        ring = AROUND * spacing[:, None, None] * np.concatenate([np.eye(2), -np.eye(2)])
+        around = self.height((points[:, None] + ring).reshape(-1, 2)).reshape(-1, 4).max(axis=1)
+        return np.asarray(self.height(points) - around > TIP * AROUND * spacing)

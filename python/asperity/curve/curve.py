@@ -15,7 +15,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
-from asperity.runtime.display import nearest, optional, picture
+from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
 from asperity.runtime.text_table import decoded
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 EDGE = 0.1
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
-BRANCHES = ("load", "unload", "reload")
+BRANCHES = ("load", "hold", "unload", "reload")
 _REQUIRED = ("delta", "force")
 
 
@@ -61,7 +61,7 @@ class Curve:
     """
 
     step: Array = field(metadata=column("number of the step", kind=int))
-    branch: Array = field(metadata=column("load, unload or reload", kind=str))
+    branch: Array = field(metadata=column("load, hold, unload or reload", kind=str))
     delta: Array = field(metadata=column("approach of the flat from first contact", "length"))
     delta_star: Array = field(metadata=column("delta/L"))
     force: Array = field(metadata=column("normal force", "force"))
@@ -117,6 +117,7 @@ class Curve:
     edge_fraction: Array = field(
         metadata=column("area of the facets that the edge of the contact crosses over the nominal area")
     )
+    time: Array = field(metadata=column("from the beginning of the load path, for a law with time", "s"))
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -140,8 +141,7 @@ class Curve:
         """Build a curve from one mapping per step; keys are column names.
 
         Args:
-            rows: each with at least "delta" and "force"; "step" defaults to the position, "branch" to
-                "load", "k_n" to the slope of the curve, other numbers to NaN, counts to 0
+            rows: each with at least "delta" and "force"; for others see `from_columns`
             header: metadata
 
         Raises:
@@ -149,30 +149,38 @@ class Curve:
         """
         for row in rows:
             _check_names(row)
-        defaults = {name: _UNKNOWN[kind] for name, kind in _KINDS.items()} | {"branch": "load"}
-        full = [{**defaults, "step": i, **row} for i, row in enumerate(rows)]
-        columns = {name: np.array([row[name] for row in full]) for name in COLUMNS}
-        curve = Curve(**columns, header=dict(header or {}))
-        if any("k_n" in row for row in rows):
-            return curve
-        return curve.with_force(curve.force)
+        names = dict.fromkeys([*_REQUIRED, *(name for row in rows for name in row)])
+        unknown = _unknown(len(rows))
+        columns = {name: [row.get(name, unknown[name][i]) for i, row in enumerate(rows)] for name in names}
+        return Curve.from_columns(columns, header)
 
     @staticmethod
-    def from_columns(columns: Mapping[str, Any]) -> Curve:
-        """Build a curve from columns of one length (n,), as `from_rows`; names that are not in COLUMNS are left out.
+    def from_columns(columns: Mapping[str, Any], header: Mapping[str, Any] | None = None) -> Curve:
+        """Build a curve from columns of one length (n,); names that are not in COLUMNS are left out.
+
+        Args:
+            columns: "delta" and "force" at least; "step" defaults to the position, "branch" to "load", "k_n" to the
+                slope of the curve, other numbers to NaN, counts to 0
+            header: metadata
 
         Raises:
             InputError: a required column is missing, or columns differ in length, or hold what is not a number
         """
         known = {name: np.asarray(columns[name]) for name in COLUMNS if columns.get(name) is not None}
-        _check_names(list(known))
+        _check_names(known)
         if len({values.shape for values in known.values()}) > 1 or known["delta"].ndim != 1:
             sizes = ", ".join(f"{values.size} of {name}" for name, values in known.items())
             raise InputError(f"the columns of a curve need one length, not {sizes}")
         try:
-            return Curve.from_rows([dict(zip(known, row, strict=True)) for row in zip(*known.values(), strict=True)])
+            curve = Curve(**_unknown(known["delta"].size) | known, header=dict(header or {}))
         except ValueError as error:
             raise InputError(f"the curve contains something that is not a number: {error}") from None
+        return curve if "k_n" in known else curve.with_force(curve.force)
+
+    def with_bar(self, name: str, values: Array, error: Array) -> Curve:
+        """Curve with other values of a column (n,) that has error bars, and these."""
+        columns: dict[str, Any] = {name: values, f"error_{name}": error}
+        return replace(self, **columns)
 
     def with_force(self, force: Array) -> Curve:
         """Curve with other forces (n,) and the slopes k_n that belong to them."""
@@ -278,21 +286,6 @@ class Curve:
         except InputError:
             return None
 
-    def to_pandas(self) -> Any:
-        """Data frame of the steps, a column each; needs the package pandas."""
-        frame = optional("pandas").DataFrame({name: getattr(self, name) for name in COLUMNS})
-        frame.attrs = dict(self.header)
-        return frame
-
-    def _repr_html_(self) -> str:
-        """Picture of force over approach, for a notebook."""
-
-        def draw(axes: Any) -> None:
-            axes.plot(self.delta, self.force)
-            axes.set(xlabel="approach", ylabel="force")
-
-        return picture(f"{self!r}", draw)
-
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""
         comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
@@ -346,6 +339,12 @@ ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_t_x", "k_n_interface", "k_t_inte
 STIFFNESSES = ("k_n", *ELASTIC_STIFFNESSES)
 #: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
 WITH_ERRORS = tuple(name.removeprefix("error_") for name in COLUMNS if name.startswith("error_"))[2:]
+
+
+def _unknown(n: int) -> dict[str, Any]:
+    """Columns of a curve of n steps of which nothing is known."""
+    columns: dict[str, Any] = {name: np.full(n, _UNKNOWN[kind]) for name, kind in _KINDS.items()}
+    return columns | {"step": np.arange(n), "branch": np.full(n, BRANCHES[0])}
 
 
 def _check_names(names: Any) -> None:

@@ -1,4 +1,4 @@
-"""Stored and dissipated energy of a solid, and the dissipation of a step."""
+"""Stored and dissipated energy of a solid, the dissipation of a step, and the equivalent strain."""
 
 from __future__ import annotations
 
@@ -64,3 +64,21 @@ def dissipation(solid: Solid, before: History, stress: Floats | None) -> tuple[f
     by_flow, threshold = kernels.relaxation
     spent = float(np.sum(0.5 * by_flow * squares / strain + threshold * np.sqrt(squares)))
     return work, spent, decrease
+
+
+def equivalent_strain(solid: Solid, history: History) -> Floats:
+    """Equivalent strain sqrt(2/3 e:e) at the quadrature points (cells, points), e the deviator of the strain.
+
+    Compiled kernels have it from the stress, and the plastic strain that the history holds.
+    """
+    kernels, u = solid.kernels, solid.u.x.array.reshape(-1, 3)
+    if isinstance(kernels, FormKernels):
+        e = kernels.strain(u)
+        e -= np.trace(e, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
+        return np.asarray(np.sqrt(2.0 / 3.0 * np.einsum("cqij,cqij->cq", e, e)))
+    stress = kernels.conjugate_stress(u, history)
+    stress[..., :3] -= stress[..., :3].mean(axis=-1, keepdims=True)
+    deviator = stress / (2.0 * solid.material.lame[1])
+    if history.rows:
+        deviator += history.plastic_strain
+    return np.asarray(np.sqrt(2.0 / 3.0 * np.einsum("cqi,cqi,i->cq", deviator, deviator, PAIRS)))

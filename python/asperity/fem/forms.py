@@ -43,7 +43,9 @@ class FormKernels(ElementKernels):
         self._all = np.arange(len(cell_nodes), dtype=np.int32)
         self._u, state = fem.Function(V), self._given.state
         self._state = PointValues(V.mesh, len(cell_nodes), sum(SHAPES[s] for s in state.values())) if state else None
-        self._constants = {name: fem.Constant(V.mesh, np.float64(value)) for name, value in self._given.parameters}
+        self._constants = {
+            name: fem.Constant(V.mesh, np.float64(value)) for name, value in self._given.constants.items()
+        }
         self.volumes = volumes(V.mesh.geometry.x, compat.geometry_dofmap(V.mesh)[: len(cell_nodes)])
         self.relaxation = relaxation_of(material)
         self._cell: CellFlow | None = None
@@ -154,7 +156,7 @@ class FormKernels(ElementKernels):
             strains = np.einsum("nij,nj,nkj->nik", axes, np.exp(stretch), axes)
         stresses, n = self.stress(u).reshape(len(strains), -1), len(strains)
         stored = self._stored(self._committed).reshape(n, -1) if self._state is not None else np.zeros((n, 0))
-        return doubt_of_points(self._given, strains, stored, stresses)
+        return doubt_of_points(self._given, strains, stored, stresses, self.dt)
 
     def _stored(self, history: History) -> Floats:
         """Components of the state at the quadrature points (cells, points, k)."""
@@ -163,6 +165,8 @@ class FormKernels(ElementKernels):
     def _set(self, forms: WeakForm, u: Floats, history: History) -> None:
         """Set the coefficients of some forms."""
         self._u.x.array[:] = u.ravel()
+        if self._given.declared.time:
+            self._constants["dt"].value = self.dt
         if self._state is not None:
             self._state.put(self._stored(history))
         if self._cell is not None:

@@ -62,7 +62,10 @@ class ElementKernels:
         volumes: of the quadrature points before deformation (cells, points) [L^3]
         plastic_points: that yielded in the last internal force
         inverted_points: that finite strain turned inside out there: no valid state
+        dt: length of the step of the next internal force and tangent, for a law with time [s]; `commit` ends the step
     """
+
+    dt = 0.0
 
     def __init__(
         self,
@@ -165,6 +168,7 @@ class ElementKernels:
     def commit(self) -> None:
         """Make the trial history the committed one."""
         self._committed.assign(self._trial)
+        self.dt = 0.0
 
     def restore(self, history: History) -> None:
         """Overwrite the committed history."""

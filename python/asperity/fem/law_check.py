@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from asperity.runtime.display import brief, show
 
 #: Sizes of the strains under which a law is tried; up to SMALL of them it must have numbers.
 STRAINS, SMALL = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3), 0.02
+DURATIONS = (0.0, 1e-3, 1.0, 1e3)  # of steps in which a law with time is tried [s]
+AGES = 1e200  # in which any flow has ended, of a rate that is a power of the overstress [s]
 POINTS = 100  # of a step without convergence whose responses are judged
 REST = 1e-9  # stress at rest over the modulus that is rounding
 SAME = 1e-6  # relative difference of two stresses, moduli or states that is rounding
@@ -69,8 +72,8 @@ class OneCell:
             return fem.Function(fem.functionspace(self._mesh, element))
 
         self._strain, self._along, self._state = at_point(3, 3), at_point(3, 3), at_point(max(self._width, 1))
-        self._constants = {name: fem.Constant(self._mesh, np.float64(value)) for name, value in law.parameters}
-        self._given = dict(law.parameters)
+        self._given = law.constants
+        self._constants = {name: fem.Constant(self._mesh, np.float64(value)) for name, value in self._given.items()}
         strain, before = ufl.variable(self._strain), unpacked(law, self._state)
         with raising(law.source, "raises"):
             if law.hyperelastic:
@@ -105,7 +108,7 @@ class OneCell:
             strain: (3, 3)
             state: stored components before (k,); None is the virgin one
             along: direction of the derivative (3, 3)
-            others: parameters in place of those of the law
+            others: parameters in place of those of the law; "dt" is the length of the step [s], otherwise zero
         """
         self._strain.x.array[:] = np.ravel(strain)
         self._along.x.array[:] = 0.0 if along is None else np.ravel(along)
@@ -117,13 +120,13 @@ class OneCell:
         after, transposed = np.split(found[27:], 2)
         return Response(stress, rate, held, after if _same(after, transposed) else np.full(self._width, np.nan))
 
-    def tangent(self, strain: Floats, state: Floats | None = None) -> Floats:
+    def tangent(self, strain: Floats, state: Floats | None = None, others: Mapping[str, float] | None = None) -> Floats:
         """Derivative of the stress by the components of a symmetric strain, as a matrix of Mandel's (6, 6)."""
         found = np.empty((6, 6))
         for k, (i, j) in enumerate(SYMMETRIC):
             along = np.zeros((3, 3))
             along[i, j] = along[j, i] = 1.0 if i == j else 0.5
-            rate = self(strain, state, along).rate
+            rate = self(strain, state, along, others).rate
             found[:, k] = [0.5 * (rate[ij] + rate[ij[::-1]]) for ij in SYMMETRIC]
         return found * np.outer(MANDEL, MANDEL)
 
@@ -157,11 +160,12 @@ def check_law(law: Law) -> None:
     strength, E = law.quantity("yield_strength"), law.quantity("E")
     sizes = sorted({*STRAINS, *([2.0 * strength / E] if strength and E else [])})
     strains = [size * each for size in sizes for each in rng.uniform(-1.0, 1.0, (3, 3, 3))]
-    for strain in (rest + 0.5 * (each + each.T) for each in strains):
-        first, larger = cell(strain), rest + 1.5 * (strain - rest)
-        answers = [(strain, None, first), (larger, first.state, cell(larger, first.state))]
+    times: list[dict[str, float]] = [{"dt": dt} for dt in DURATIONS] if law.declared.time else [{}]
+    for strain, step in product([rest + 0.5 * (each + each.T) for each in strains], times):
+        first, larger = cell(strain, others=step), rest + 1.5 * (strain - rest)
+        answers = [(strain, None, first), (larger, first.state, cell(larger, first.state, others=step))]
         for answer in answers:
-            if wrong := doubt(law, *answer, numbers=size_of(law, answer[0]) <= SMALL):
+            if wrong := doubt(law, *answer, numbers=size_of(law, answer[0]) <= SMALL, others=step):
                 refuse(law.source, wrong)
         if law.state and size_of(law, strain) <= SMALL:
             _check_state(law, cell, strain, first)
@@ -202,13 +206,17 @@ def _check_moduli(law: Law, C: Floats) -> None:
             refuse(law.source, f"has {name} = {found:.6g} at rest and declares {told}: declare @asp.law({name}=...)")
 
 
-def doubt(law: Law, strain: Floats, state: Floats | None, found: Response, numbers: bool = True) -> str:
+def doubt(
+    law: Law, strain: Floats, state: Floats | None, found: Response, numbers: bool = True,
+    others: Mapping[str, float] | None = None,
+) -> str:  # fmt: skip
     """What is wrong with the response to a strain over a state, empty where nothing is.
 
     Args:
         numbers: whether what is not a number is wrong
+        others: as `OneCell` takes them
     """
-    C = one_cell(law).tangent(strain, state)
+    C = one_cell(law).tangent(strain, state, others)
     where = f"at a strain of {size_of(law, strain):.2g}"
     for what, value in {"stress": found.stress, "state": found.state, "tangent": C}.items():
         if not np.isfinite(value).all():
@@ -220,20 +228,23 @@ def doubt(law: Law, strain: Floats, state: Floats | None, found: Response, numbe
     return ""
 
 
-def doubt_of_points(law: Law, strains: Floats, states: Floats, stresses: Floats) -> str:
+def doubt_of_points(law: Law, strains: Floats, states: Floats, stresses: Floats, dt: float = 0.0) -> str:
     """What is wrong with a law at some points, which may be why a step does not converge; empty where nothing is.
 
     Args:
         strains: as `OneCell` takes them (n, 3, 3)
         states: stored components before (n, k)
         stresses: of the points (n, k)
+        dt: length of the step [s], of a law with time
     """
+    others = {"dt": dt} if law.declared.time else {}
     known = np.isfinite(strains).all(axis=(1, 2))
     strains, states, stresses = strains[known], states[known], stresses[known]
     sizes = np.array([size_of(law, strain) for strain in strains])
     lost = np.flatnonzero(~np.isfinite(stresses).all(axis=1))
     for k in (*lost[np.argsort(sizes[lost])][:POINTS], *np.argsort(-sizes)[:POINTS]):
-        if wrong := doubt(law, strains[k], states[k], one_cell(law)(strains[k], states[k])):
+        found = one_cell(law)(strains[k], states[k], others=others)
+        if wrong := doubt(law, strains[k], states[k], found, others=others):
             name = show(law.source.rpartition("/")[2])
             return f"{KEY} = {name} {wrong}; the greatest strain of the step is {sizes.max():.2g}"
     return ""
@@ -250,9 +261,10 @@ def _check_state(law: Law, cell: OneCell, strain: Floats, first: Response) -> No
     if not _same(again.stress, first.stress) or not _same(again.state, first.state):
         refuse(
             law.source,
-            f"changes its state when it is applied a second time at the same strain of {np.abs(strain).max():.2g}: the "
-            "force would depend on the number of steps; let the new state follow from the strain and the old state "
-            "alone, without time, rates or counts of calls",
+            f"changes its state when it is applied a second time at the same strain of {np.abs(strain).max():.2g}"
+            f"{' with dt = 0' * law.declared.time}: the force would depend on the number of steps; let the new state "
+            "follow from the strain and the old state alone, without rates or counts of calls, and declare "
+            "@asp.law(time=True) where it takes time",
         )
     if law.declared.elastic is not None and not _same(again.held, again.stress):
         refuse(law.source, "declares elastic, whose stress over the new state is not that of the law")
@@ -265,11 +277,12 @@ def _check_flow(law: Law, cell: OneCell) -> None:
     at = sum(SHAPES[law.state[name]] for name in names[: names.index("accumulated")])
     rng, shear = np.random.default_rng(2), np.zeros((3, 3))
     shear[0, 1] = shear[1, 0] = 0.5 * np.sqrt(3.0)  # of equivalent strain one
+    slow = {"dt": AGES} if law.declared.time else {}
     for sign, part in ((1.0, 2.0), (1.0, 20.0), (-1.0, 0.5), (-1.0, 20.0)):
-        given, size = {STRENGTH: sign * strength}, part * strength / (3.0 * mu)
+        given, size = {STRENGTH: sign * strength} | slow, part * strength / (3.0 * mu)
         found = cell(size * shear, others=given)
         flow = float(found.state[at])
-        wanted = law.strength(flow, **given)
+        wanted = law.strength(flow, **{STRENGTH: sign * strength})
         if flow <= 0.0 or wanted is None or abs(np.sqrt(3.0) * found.stress[0, 1] - wanted) > 1e-4 * strength:
             refuse(
                 law.source,

@@ -14,11 +14,9 @@ from asperity.errors import InputError, OutputError
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
 from asperity.runtime.display import brief
-from asperity.runtime.parallel import agree
-from asperity.runtime.progress import Progress
+from asperity.runtime.parallel import StopRequest, agree
+from asperity.runtime.progress import Progress, logged
 from asperity.runtime.run_folder import LOG
-from asperity.runtime.run_log import logged
-from asperity.runtime.usage import clocked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,16 +53,6 @@ class RunResult:
         if name not in drawn:
             raise InputError(f"there is no figure {name!r} of this result: choose {', '.join(drawn) or 'none'}")
         return drawn[name](results)
-
-    def _repr_html_(self) -> str:
-        """Picture and sentences for a notebook."""
-        from html import escape
-
-        from asperity.output.results import Results
-        from asperity.output.verdict import verdict
-
-        sentences = verdict(Results(Path(), self.curve, summary=self.summary))
-        return self.curve._repr_html_() + "".join(f"<p>{escape(text)}</p>" for text in sentences)
 
     def __repr__(self) -> str:
         law = "no fit" if self.fit is None else "k = {}, n = {}".format(*with_misfit(self.fit.to_dict()))
@@ -120,8 +108,6 @@ def run(
     """
     from mpi4py import MPI
 
-    from asperity.runtime.interrupt import StopRequest
-
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     if resume and force:
@@ -141,7 +127,7 @@ def run(
             if done is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
             files.open(resume, force)
-            with nullcontext() if out is None else StopRequest(comm) as request, clocked() as clock:
+            with nullcontext() if out is None else StopRequest(comm) as request:
                 from asperity.job.solve import solve_case
                 from asperity.job.stages import Job
 
@@ -155,7 +141,7 @@ def run(
                     more = "; --resume continues from the last step saved" if files.saved() else ""
                     raise OutputError(f"{e}{more}") from None
                 files.curve(solved.contact.curve, whole=solved.accurate is not None)
-                job = Job(whole, solved, files, log, progress, comm, clock)
+                job = Job(whole, solved, files, log, progress, comm)
                 job.follow()
                 if job.failure is not None:
                     raise job.failure

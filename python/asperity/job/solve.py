@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from asperity.adaptive.guide import guide_of
-from asperity.adaptive.refine import AccurateResult, refine
-from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
+from asperity.adaptive.guide import SmallStrain, choose_kinematics, guide_of
+from asperity.adaptive.solve_contact import AccurateResult, refine
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, Interrupted

@@ -26,9 +26,8 @@ from asperity.output.indentation import indentation_of
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles, of_ranks
 from asperity.runtime.parallel import on_root, on_root_bcast, spread
-from asperity.runtime.progress import Progress
-from asperity.runtime.run_log import RunLog
-from asperity.runtime.usage import Clock, Phases
+from asperity.runtime.progress import Progress, RunLog
+from asperity.runtime.usage import Phases
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics
 from asperity.vibration.numbers import Numbers
@@ -49,7 +48,6 @@ class Job:
         log: its warnings
         progress: receives stages
         comm: of the run
-        clock: of the job
         summary: contents of summary.json
         failure: why a part is missing, the first one
         dynamics: the vibration, when requested
@@ -62,7 +60,6 @@ class Job:
     log: RunLog
     progress: Progress
     comm: MPI.Comm
-    clock: Clock
     summary: dict[str, Any] = field(default_factory=dict)
     failure: ConvergenceError | None = None
     dynamics: Dynamics | None = None
@@ -75,7 +72,7 @@ class Job:
 
     def write(self) -> None:
         """Write summary.json; collective."""
-        self.summary["parallel"] = of_ranks(self.comm, self.summary["seconds"], self.clock)
+        self.summary["parallel"] = of_ranks(self.comm, self.summary["seconds"])
         self.files.summary(self.summary, self.failure)
 
     def follow(self) -> None:
@@ -163,7 +160,7 @@ def _assumptions(job: Job) -> None:
         job.summary["patches"] = patches.to_dict()
     for line in lines:
         text = describe(line.to_dict())
-        if line.verdict == DOUBTFUL and line.warns:
+        if line.verdict == DOUBTFUL and line.warned:
             warn(text, AssumptionWarning)
         elif line.verdict == DOUBTFUL:
             logging.getLogger(__name__).info("doubtful: %s", text)
@@ -189,12 +186,11 @@ def _patches(job: Job) -> Spread | None:
 
 def _evidence(job: Job, patches: Spread | None) -> Evidence:
     """What the assumptions are judged by."""
-    case, accurate, strain = job.case, job.solved.accurate, job.solved.strain
+    case, strain = job.case, job.solved.strain
     side = None if case.joint is None or case.joint.nominal_area is None else math.sqrt(case.joint.nominal_area)
     return Evidence(
-        job.solved.contact.curve, job.solved.problem, si=case.units == "SI", tolerance=case.accuracy.tolerance,
+        job.solved.contact.curve, job.solved.problem, si=case.units == "SI",
         h=case.mesh.h_contact if case.accuracy.tolerance is None and case.mesh.file is None else None,
-        roughness=None if accurate is None else accurate.roughness_share(),
         small_strain=None if strain is None else (strain.percent, strain.limit),
         density=case.material.density, vibration=job.numbers, side=side or case.surface.L, patches=patches,
     )  # fmt: skip

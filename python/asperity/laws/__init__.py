@@ -11,12 +11,12 @@ from typing import Any
 
 from asperity.laws import shipped
 from asperity.laws.definition import Law, law, law_of_function, raising, refuse
-from asperity.laws.shipped import hooke, j2, neo_hookean, voce, without_flow
+from asperity.laws.shipped import hooke, j2, maxwell, neo_hookean, perzyna, voce, without_flow
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_TEXT, read_whole
 
 __all__ = ["Law", "from_file", "law", "law_of_function", "shipped_law", "without_flow"]
-__all__ += ["hooke", "j2", "neo_hookean", "voce"]
+__all__ += ["hooke", "j2", "maxwell", "neo_hookean", "perzyna", "voce"]
 
 
 def shipped_law(name: str, parameters: Mapping[str, Any], offered: Mapping[str, Any] | None = None) -> Law:

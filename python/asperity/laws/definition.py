@@ -35,6 +35,7 @@ class Declaration:
     elastic: Callable[..., Any] | None = None
     symmetric: bool = False
     state_is_strain: bool = False
+    time: bool = False
     E: Quantity | None = None
     nu: Quantity | None = None
     yield_strength: Quantity | None = None
@@ -49,13 +50,15 @@ def law(function: Callable[..., Any] | None = None, /, **declared: Any) -> Any:
 
     Args:
         function: `stress(strain, **parameters)`, `stress(strain, state, **parameters)`, which also returns the new
-            state, or `energy(F, **parameters)`
+            state, or `energy(F, **parameters)`; with `time` `stress(strain, state, dt, **parameters)`
         state: shape of each variable, (), (3,) or (3, 3) for a symmetric tensor; zero in the virgin material
         elastic: stress(strain, state, **parameters) for a motion that leaves the state as it is: what the stiffness
             against small vibration, and slip, need; its parameters are some of the law's
         symmetric: whether the tangent is, as that of an energy always: Cholesky and CG, otherwise LU and GMRES
         state_is_strain: whether the state is a sum of increments of strain, as the plastic strain is: the midpoint rule
             then extrapolates it within a step, otherwise backward Euler integrates
+        time: whether the new state depends on the length dt of the step [s], zero for an instant; the law integrates
+            over the step itself
         E, nu: Young's modulus [force/length^2] and Poisson's ratio at rest
         yield_strength: uniaxial yield stress of the virgin material [force/length^2]; none where there is no parameter
         strength: strength(a, **parameters), the yield stress at the accumulated plastic strain a, of a law by von Mises
@@ -116,6 +119,11 @@ class Law:
     def state(self) -> Mapping[str, Shape]:
         """Shape of each state variable; empty where the stress depends on the strain alone."""
         return self.declared.state
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Numbers by name that the function takes: the parameters, and where it takes one the length of a step [s]."""
+        return ({"dt": 0.0} if self.declared.time else {}) | dict(self.parameters)
 
     def quantity(self, name: str) -> float | None:
         """E, nu or yield_strength as declared [force/length^2]; None where the law has none (InputError: no number)."""
@@ -187,12 +195,17 @@ def law_of_function(
     declared: Declaration = getattr(function, "declared", Declaration())
     if not isinstance(declared.state, Mapping):
         refuse(source, f"declares the state {brief(declared.state)}: legal is a dictionary, name and shape of each")
-    first = names[:2] if declared.state else names[:1]
-    if first not in (["F"], ["strain"], ["strain", "state"]) or kinds - {inspect.Parameter.POSITIONAL_OR_KEYWORD}:
+    first = ["strain", "state", "dt"] if declared.time else ["strain", "state"] if declared.state else names[:1]
+    if (
+        names[: len(first)] != first
+        or first[:1] not in (["F"], ["strain"])
+        or kinds - {inspect.Parameter.POSITIONAL_OR_KEYWORD}
+    ):
         refuse(
             source,
             f"has the arguments ({', '.join(names)}): a law is stress(strain, ...), stress(strain, state, ...) with "
-            "@asp.law(state=...), or energy(F, ...), its parameters by name",
+            "@asp.law(state=...), stress(strain, state, dt, ...) with @asp.law(state=..., time=True), or "
+            "energy(F, ...), its parameters by name",
         )
     if "state" in names and not declared.state:
         refuse(source, "has a state that is not declared: put @asp.law(state={...}) above it, name and shape of each")

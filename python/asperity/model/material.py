@@ -18,7 +18,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.runtime.declaration import STRESS, Choices, Positive, Real, Text, declared, key
 from asperity.runtime.display import show
 
-AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
+AUTO = "auto"  # kinematics that a run chooses, see adaptive.guide
 YIELD_STRAINS = (1e-7, 1.0)  # legal yield strength over E; the second one excluded
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
 WORKED = 0.2  # plastic strain of the strength that says which pressures in a cell relax, see `fem.kernels`
@@ -221,8 +221,8 @@ class Material:
 
     @property
     def integrator(self) -> str:
-        """Integrator of a loading that suits the state: the midpoint rule where it is a strain."""
-        if self.law is None or self.law.declared.state_is_strain:
+        """Integrator of a loading that suits the state: the midpoint rule where it is a strain that takes no time."""
+        if self.law is None or (self.law.declared.state_is_strain and not self.law.declared.time):
             return MIDPOINT
         return BACKWARD_EULER
 

@@ -42,7 +42,7 @@ class ProblemArguments(TypedDict, total=False):
         delta_max: greatest approach from first touch [length]
         force_max: greatest force instead [force]
         pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
-        steps, unload, unload_steps, unload_to, cycles, integrator, substeps: see `Schedule`
+        steps, unload, unload_steps, unload_to, cycles, duration, hold, hold_steps, integrator, substeps: see `Schedule`
         height: mean height of the block [length]; default L
         sides, size, formulation, options, tool: see `Problem`
     """
@@ -55,6 +55,9 @@ class ProblemArguments(TypedDict, total=False):
     unload_steps: int
     unload_to: float
     cycles: int
+    duration: float
+    hold: float
+    hold_steps: int
     integrator: str
     substeps: int
     height: float | None
@@ -136,7 +139,17 @@ class Problem:
 
     def _check_kernels(self) -> None:
         """Refuse a law in UFL with settings that it cannot go with."""
-        law, options = self.material.law, self.options
+        law, options, duration = self.material.law, self.options, self.load_path.duration
+        timed = law is not None and law.declared.time
+        if timed and duration is None:
+            raise InputError(
+                f'material.law = "{self.material.source}" takes time: give loading.duration, that of a loading [s]'
+            )
+        if duration is not None and not timed and self.material.has_run:
+            raise InputError(
+                f"loading.duration = {duration:g} needs a material.law with time: leave it out, or take "
+                '"maxwell", "perzyna", or a law of yours with @asp.law(time=True)'
+            )
         if law is None:
             return
         if options.kernels == "compiled":
@@ -156,8 +169,8 @@ class Problem:
         if law.state and self.load_path.integrator == MIDPOINT != self.material.integrator:
             raise InputError(
                 f'loading.integrator = "midpoint" cannot go with material.law = "{law.source}", whose state the rule '
-                "would extrapolate: leave it out, or declare @asp.law(..., state_is_strain=True) where the state is a "
-                "sum of increments of strain"
+                "would extrapolate: leave it out, or without time declare @asp.law(..., state_is_strain=True) where "
+                "the state is a sum of increments of strain"
             )
 
     def _check_tool(self) -> None:

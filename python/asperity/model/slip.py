@@ -24,7 +24,7 @@ class SlipSettings:
         max_length=100,
     )
     preload: Positive | None = key("normal force P on the patch", FORCE, default=None, shown="that of the vibration")
-    steps: Whole = key("steps from rest to an amplitude; a loop has four times as many", default=3, ge=1, le=1000)
+    steps: Whole = key("steps from rest to an amplitude; a loop has four times as many", default=16, ge=1, le=1000)
     direction: Annotated[str, Choices("x", "y")] = key("of the motion", default="x")
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import inf, nan, pi, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -48,13 +48,13 @@ class Assumption:
     Attributes:
         name: of the assumption
         value: in this run [unit]
-        limit: that the value must not exceed, or not fall below where `least` is set [unit]
+        limit: that the value must not exceed, or not fall below where `bound` is "least" [unit]
         unit: of both, empty for a ratio
         source: of the limit
         advice: what to do where it is doubtful
         detail: what else is known
-        least: whether the limit is a lower one
-        warns: whether a run warns of its doubt, because it violates an assumption of its own model
+        bound: "most" or "least"
+        warned: whether a run warns of its doubt, because it violates an assumption of its own model
 
     Examples:
         >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
@@ -69,23 +69,19 @@ class Assumption:
     source: str
     advice: str
     detail: str = ""
-    least: bool = False
-    warns: bool = False
+    bound: str = "most"
+    warned: bool = False
 
     @property
     def verdict(self) -> str:
         """Whether the value is within the limit: "fine" or "doubtful"."""
-        slack = 1e-9 * abs(self.limit)  # rounding differs between systems of units
-        fine = self.value >= self.limit - slack if self.least else self.value <= self.limit + slack
-        return FINE if fine else DOUBTFUL
+        sign = 1.0 if self.bound == "most" else -1.0
+        within = sign * (self.value - self.limit) <= 1e-9 * abs(self.limit)  # systems of units are rounded
+        return FINE if within else DOUBTFUL
 
     def to_dict(self) -> dict[str, Any]:
         """Record of summary.json."""
-        return {
-            "name": self.name, "value": self.value, "limit": self.limit, "bound": "least" if self.least else "most",
-            "unit": self.unit, "source": self.source, "verdict": self.verdict, "advice": self.advice,
-            "detail": self.detail, "warned": self.warns,
-        }  # fmt: skip
+        return asdict(self) | {"verdict": self.verdict}
 
 
 def describe(record: Mapping[str, Any]) -> str:
@@ -102,9 +98,7 @@ class Evidence:
         curve: its curve
         problem: what was solved, with the kinematics of the run
         si: whether lengths are in m and stresses in Pa
-        tolerance: of the force, None on one mesh
         h: size of the elements in the contact of a run on one mesh [length]; None otherwise
-        roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
         small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
@@ -115,9 +109,7 @@ class Evidence:
     curve: Curve
     problem: Problem
     si: bool = False
-    tolerance: float | None = None
     h: float | None = None
-    roughness: float | None = None
     small_strain: tuple[float, float] | None = None
     density: float | None = None
     vibration: Numbers | None = None
@@ -178,14 +170,14 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
         value, limit = run.small_strain
         yield Assumption(
             "small strain", value, limit, "% of the force", "the slope of the spots in contact", advice, detail,
-            warns=True,
+            warned=True,
         )  # fmt: skip
     elif not material.finite:
         what = "plastic" if material.plastic else "equivalent"
         yield Assumption(
             f"small strain: greatest {what} strain",
             run.greatest("max_plastic_strain" if material.plastic else "max_strain"), SMALL_STRAIN, "",
-            "e and ln(1 + e) differ by 5 % at 0.1", advice, detail, warns=True,
+            "e and ln(1 + e) differ by 5 % at 0.1", advice, detail, warned=True,
         )  # fmt: skip
     if not material.plastic and material.law is None and material.nu <= MOST_OF_METALS:
         pressure = 1.5 * float(run.curve.mean_pressure[run.top])
@@ -195,24 +187,19 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
             "give material.yield_strength, unless the solid is no metal",
             "a spot of this greatest pressure yields where the yield strength is below "
             f"{quantity(pressure / FIRST_YIELD, 'Pa' if run.si else '', 3)}",
-            warns=True,
+            warned=True,
         )  # fmt: skip
 
 
-def _resolution(run: Evidence) -> Iterator[Assumption]:
-    """Waves that the mesh of a bar leaves out; cells that keep their volume where they flow, on one mesh."""
-    surface, material = run.problem.surface, run.problem.material
-    if run.roughness is not None and run.tolerance is not None:
-        yield Assumption(
-            "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
-            "half-space estimate with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off",
-        )  # fmt: skip
-    elif run.h is not None and material.plastic and not material.relaxes:
+def _locking(run: Evidence) -> Iterator[Assumption]:
+    """Cells that keep their volume where they flow, on one mesh."""
+    material = run.problem.material
+    if run.h is not None and material.plastic and not material.relaxes:
         yield Assumption(
             "locking: force by a law whose cells keep their volume where they flow",
-            LOCKING * run.h / surface.L, 100 * ONE_MESH, "% of the force",
+            LOCKING * run.h / run.problem.surface.L, 100 * ONE_MESH, "% of the force",
             "self-affine surfaces without hardening (docs/extend.md)",
-            "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warns=True,
+            "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warned=True,
         )  # fmt: skip
 
 
@@ -249,7 +236,7 @@ def _block(run: Evidence) -> Iterator[Assumption]:
         yield Assumption(
             "block: mean pressure over that at which it yields",
             pressure / problem.material.yield_pressure(problem.sides), 1.0, "",
-            "Johnson, Contact Mechanics (1985), eq. 6.1", "a smaller load, or read the curve up to there", warns=True,
+            "Johnson, Contact Mechanics (1985), eq. 6.1", "a smaller load, or read the curve up to there", warned=True,
         )  # fmt: skip
 
 
@@ -293,7 +280,7 @@ def _size(run: Evidence) -> Iterator[Assumption]:
             f"adhesion: stickiness for {WORK:g} J/m²", stickiness(slope, curvature, WORK, modulus), 1.0, "",
             "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
             "the surface sticks: contact without adhesion is not enough", "it falls as the work of adhesion rises",
-            least=True,
+            bound="least",
         )  # fmt: skip
     elif radius < inf and force > 0.0:
         tabor = tabor_parameter(radius, WORK, modulus)
@@ -310,7 +297,7 @@ def _size(run: Evidence) -> Iterator[Assumption]:
             "size effect: radius of contact and summit", float(np.fmin(contact, radius)), SMALL_CONTACT, "m",
             "Nix & Gao, J. Mech. Phys. Solids 46 (1998) 411; Swadener et al., ibid. 50 (2002) 681",
             "a yield strength measured at this size: metals are harder there than in bulk",
-            f"mean contact spot {quantity(contact, 'm', 2)}, summit {quantity(radius, 'm', 2)}", least=True,
+            f"mean contact spot {quantity(contact, 'm', 2)}, summit {quantity(radius, 'm', 2)}", bound="least",
         )  # fmt: skip
 
 
@@ -332,5 +319,5 @@ def _radiation(run: Evidence) -> Iterator[Assumption]:
 
 #: Generators of lines in the order of the list.
 SUBJECTS: tuple[Callable[[Evidence], Iterator[Assumption]], ...] = (
-    _strain, _resolution, _patch, _block, _added, _size, _radiation,
+    _strain, _locking, _patch, _block, _added, _size, _radiation,
 )  # fmt: skip

@@ -8,15 +8,15 @@ points are chosen by what linear reading changes.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
 
 import numpy as np
 
-from asperity.arrays import Array, Flags, Indices
+from asperity.arrays import Array, Flags
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.power_law import interface_approach
@@ -28,7 +28,7 @@ from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
 from asperity.slip.joint_slip import slip_of_case
-from asperity.units import per_cent, quantity
+from asperity.units import per_cent
 from asperity.version import __version__
 from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.source import CurveColumns, choose
@@ -61,70 +61,40 @@ class Interface:
     patch: float
 
     def points(self, most: int, widest: float) -> tuple[Interface, float]:
-        """The fewest points between which linear reading is off by LINEAR at most, and by how much it is off.
+        """Few points between which linear reading is off by LINEAR at most, and by how much it is off.
+
+        A chord of the length h is off by h^2 p''/(8 p): steps of equal h sqrt(p''/p) are off by the same share.
 
         Args:
-            most: number of points; where LINEAR takes more, the error is the least that so many points allow
+            most: number of points; where LINEAR takes more, the error is greater
             widest: ratio of the greatest to the least approach
         """
-        z, p = self.approach, self.pressure
-        first = int(np.searchsorted(z, z[-1] / widest))
-        rows, error = _fewest(z[first:], p[first:], LINEAR)
-        if rows.size > most:
-            few, many = np.log(LINEAR), 0.0  # an error of 1 takes few points
-            for _ in range(40):
-                middle = 0.5 * (few + many)
-                found = _fewest(z[first:], p[first:], float(np.exp(middle)))
-                few, many = (few, middle) if found[0].size <= most else (middle, many)
-            rows, error = _fewest(z[first:], p[first:], float(np.exp(many)))
-        rows = rows + first
-        return replace(self, approach=z[rows], pressure=p[rows], k_n=self.k_n[rows]), error
+        first = int(np.searchsorted(self.approach, self.approach[-1] / widest))
+        z, p, k = (column[first:] for column in (self.approach, self.pressure, self.k_n))
+        bend = np.sqrt(np.abs(np.gradient(k, z)) / p) + 1e-6 / z[-1]  # steps rise where the law is straight, too
+        steps = np.append(0.0, np.cumsum(0.5 * (bend[1:] + bend[:-1]) * np.diff(z)))
+        error, count = math.inf, min(max(math.ceil(steps[-1] / math.sqrt(8.0 * LINEAR)), 1), most - 1)
+        while error > LINEAR and count < most:
+            count += 1
+            rows = np.unique(np.searchsorted(steps, np.linspace(0.0, steps[-1], count)))
+            error = float(np.abs(np.interp(z, z[rows], p[rows]) / p - 1.0).max())
+        return replace(self, approach=z[rows], pressure=p[rows], k_n=k[rows]), error
 
 
-@dataclass(frozen=True)
-class Template:
-    """How a program reads a table.
-
-    Attributes:
-        mark: of a comment
-        text: of the file, with the comments {head}, the number {count} and the lines {rows} of the points, {friction}
-        row: of a point with approach {z}, pressure {p} and slope {k}
-        friction: with {mu}, the stick slope {stick}, and the slip {slip} at which friction has its limit
-        most: points
-        widest: ratio of the greatest to the least approach
-        beyond: times the greatest pressure up to which a last point continues the slope; 0 for none
-        advice: a comment
-    """
-
-    mark: str
-    text: str
-    row: str
-    friction: str = ""
-    most: int = 1000
-    widest: float = np.inf
-    beyond: float = 0.0
-    advice: tuple[str, ...] = ()
-
-
-_CONTACT = (
-    "{head}\n*SURFACE INTERACTION, NAME=ASPERITY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n0., 0.\n"
-    "{rows}\n{friction}"
-)
-TEMPLATES = {
-    # CalculiX 2.20 overflows an array of its contact elements beyond 40 rows, and its table ends in a row at constant
-    # pressure
-    "calculix": Template(
-        "**", _CONTACT, "{p:.8e}, {z:.8e}", "*FRICTION\n{mu:g}, {stick:.8e}\n", most=38, widest=50.0, beyond=10.0,
-        advice=("contact pair of TYPE=NODE TO SURFACE: surface to surface contact of CalculiX 2.20 finds no force "
-                "from a table",),
-    ),
-    "abaqus": Template("**", _CONTACT, "{p:.8e}, {z:.8e}", "*FRICTION, ELASTIC SLIP={slip:.8e}\n{mu:g},\n"),
-    "ansys": Template(
-        "!", "{head}\nasperity = 1 ! number of the material\nTB,GASKET,asperity,1,{count},COMP\n{rows}\n",
-        "TBPT,,{z:.8e},{p:.8e}", most=100,
-    ),
-    "csv": Template("#", "{head}\napproach,pressure,k_n\n{rows}\n", "{z!r},{p!r},{k!r}"),
-}  # fmt: skip
+#: File of a program: its comments, its text with comments {head}, points {rows} and {friction}, and a row of a point
+#: with approach {z}, pressure {p} and slope {k}.
+DECK = ("**", "{head}\n*SURFACE INTERACTION, NAME=ASPERITY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n0., 0.\n"
+        "{rows}\n{friction}", "{p:.8e}, {z:.8e}")  # fmt: skip
+TABLE = ("#", "{head}\napproach,pressure,k_n\n{rows}\n", "{z!r},{p!r},{k!r}")
+#: Friction of a deck, with {mu}, the stick slope {stick}, and the slip {slip} at which friction has its limit.
+FRICTION = {
+    "calculix": "*FRICTION\n{mu:g}, {stick:.8e}\n",
+    "abaqus": "*FRICTION, ELASTIC SLIP={slip:.8e}\n{mu:g},\n",
+}
+#: CalculiX 2.20 overflows an array of its contact elements beyond 40 rows, and its table ends at constant pressure: a
+#: last row continues the slope up to BEYOND times the greatest pressure.
+MOST, WIDEST, BEYOND = 38, 50.0, 10.0
+PAIR = "CalculiX: contact pair of TYPE=NODE TO SURFACE, its surface to surface contact finds no force from a table"
 
 
 def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
@@ -161,15 +131,12 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     else:
         choice = choose(columns, law, preload)
         assert isinstance(choice.law, CurveLaw)
-        found, rows = choice.law, choice.rows
+        found = choice.law
     ends, steps = np.append(_BELOW * found.z[0], found.z), np.linspace(0.0, 1.0, _DENSE, endpoint=False)
     z = np.append((ends[:-1, None] * (ends[1:] / ends[:-1])[:, None] ** steps).ravel(), ends[-1])
     pressure, k_n = found.force(z), found.slope(z)
     slip = None
-    about = [
-        *_about(results, case, found, law, measure),
-        *_at_preload(curve, patch, rows, z, pressure, k_n, law, preload),
-    ]
+    about = list(_about(results, case, found, law, measure))
     if case.slip is not None:
         of_patch = slip_of_case(case.to_dict(), curve, load)
         about += of_patch.notes
@@ -200,17 +167,16 @@ def resolved(curve: Curve, approach: Array) -> Flags:
     return np.asarray(known & (approach > np.append(-np.inf, before[:-1])))
 
 
-def export(
-    folder: str | Path, to: str, path: str | Path | None = None, *, law: str | None = None, load: float | None = None
-) -> Path:
+def export(folder: str | Path, to: str, path: str | Path | None = None, *, law: str = "table",
+           load: float | None = None) -> Path:  # fmt: skip
     """Write the contact of a run for another program; return the file written.
 
     Args:
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck; with
-            the section [slip] of the case also friction and stick slope), "ansys" (a gasket material), or "csv"
+            the section [slip] of the case also friction and stick slope), or "csv"
         path: of the file; default in the folder
-        law: see `interface`; default "table"
+        law: see `interface`
         load: see `interface`
 
     Raises:
@@ -228,70 +194,45 @@ def export(
         >>> [line for line in lines if line.startswith("*S")]
         ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
         >>> [line for line in lines if "linearly" in line]
-        ['** read linearly between 15 points, the pressure is off the law by up to 1 %, the stiffness by up to 9.1 %']
+        ['** read linearly between 14 points, the pressure is off the law by up to 0.99 %, the stiffness by up to 9.1 %']
     """
-    return exported(folder, to, path, law=law, load=load)[0]
-
-
-def exported(
-    folder: str | Path, to: str, path: str | Path | None = None, *, law: str | None = None, load: float | None = None
-) -> tuple[Path, tuple[str, ...]]:
-    """As `export`, and what a user should know of the file, a sentence each."""
     if to not in EXPORTS:
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     target = Path(folder) / EXPORTS[to] if path is None else Path(path)
-    text, reading = _text(interface(folder, law or "table", load), TEMPLATES[to])
+    text = _text(interface(folder, law, load), to)
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, text.encode())
-    return target, (reading,)
+    return target
 
 
-def _text(whole: Interface, form: Template) -> tuple[str, str]:
-    """A file of an interface, and the sentence on linear reading."""
-    table, error = whole.points(form.most, form.widest)
+def _text(whole: Interface, to: str) -> str:
+    """A file of an interface, in ASCII as decks are."""
+    deck = to in FRICTION
+    mark, text, row = DECK if deck else TABLE
+    table, error = whole.points(*((MOST, WIDEST) if deck else (1000, math.inf)))
     z, p, k = table.approach, table.pressure, table.k_n
     secant = np.diff(p) / np.diff(z)
-    off = max(float(np.abs(secant / k[:-1] - 1.0).max()), float(np.abs(secant / k[1:] - 1.0).max()))
-    reading = (
+    off = max(float(np.abs(secant / slopes - 1.0).max()) for slopes in (k[:-1], k[1:]))
+    about, friction = [*whole.about, *([PAIR] if deck else [])], ""
+    about.append(
         f"read linearly between {z.size} points, the pressure is off the law by up to {per_cent(error)}, the stiffness "
         f"by up to {per_cent(off)}"
     )
-    friction = ""
-    about = [*whole.about, *form.advice, reading]
-    if whole.slip is not None and form.friction:
+    if deck and whole.slip is not None:
         mu, pressure = whole.slip.friction, whole.slip.preload / whole.patch
         stick = float(whole.slip.k_tangent(0.0)) / whole.patch
-        friction = form.friction.format(mu=mu, stick=stick, slip=mu * pressure / stick)
+        friction = FRICTION[to].format(mu=mu, stick=stick, slip=mu * pressure / stick)
         about.append(f"stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}")
-    if form.beyond:
-        z, p = np.append(z, z[-1] + (form.beyond - 1.0) * p[-1] / k[-1]), np.append(p, form.beyond * p[-1])
-        k = np.append(k, k[-1])
-    head = "\n".join(f"{form.mark} {line}" for text in about for line in wrap(comment(text), _WIDTH))
+    if deck:
+        z, p, k = (
+            np.append(z, z[-1] + (BEYOND - 1.0) * p[-1] / k[-1]),
+            np.append(p, BEYOND * p[-1]),
+            np.append(k, k[-1]),
+        )
+    head = "\n".join(f"{mark} {line}" for words in about for line in wrap(comment(words), _WIDTH))
     points = zip(z.tolist(), p.tolist(), k.tolist(), strict=True)
-    rows = "\n".join(form.row.format(z=at, p=value, k=slope) for at, value, slope in points)
-    return form.text.format(head=head, count=z.size, rows=rows, friction=friction), reading
-
-
-def _fewest(z: Array, p: Array, tolerance: float) -> tuple[Array, float]:
-    """Fewest rows of a dense table between which linear reading is within a relative error, and that error."""
-
-    def off(i: int, j: int) -> float:
-        inner = slice(i, j + 1)
-        read = p[i] + (p[j] - p[i]) / (z[j] - z[i]) * (z[inner] - z[i])
-        return float(np.abs(read / p[inner] - 1.0).max())
-
-    rows, last = [0], z.size - 1
-    while rows[-1] < last:
-        i = near = rows[-1]
-        near, far = i + 1, i + 2
-        while far <= last and off(i, far) <= tolerance:
-            near, far = far, i + 2 * (far - i)
-        far = min(far, last + 1)
-        while far - near > 1:
-            middle = (near + far) // 2
-            near, far = (middle, far) if off(i, middle) <= tolerance else (near, middle)
-        rows.append(near)
-    return np.array(rows), max((off(i, j) for i, j in pairwise(rows)), default=0.0)
+    rows = "\n".join(row.format(z=at, p=value, k=slope) for at, value, slope in points)
+    return text.format(head=head, rows=rows, friction=friction)
 
 
 def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str) -> Iterator[str]:
@@ -314,36 +255,3 @@ def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str)
     bar = results.curve.bar("P_star", int(results.curve.force.argmax()))
     known = "unknown (no accuracy.tolerance)" if bar != bar else f"{per_cent(bar)} at the greatest force"
     yield f"error bar of the force: {known}"
-
-
-def _at_preload(
-    curve: Curve, patch: float, rows: Indices, z: Array, p: Array, k: Array, law: str, preload: float
-) -> Iterator[str]:
-    """Approach and stiffness over area at the preload, each with the digits that its error bar allows."""
-    if not p[0] <= preload <= p[-1]:
-        yield f"at the pressure {preload:.6g} of the preload the law is not known"
-        return
-    rows = rows[np.argsort(curve.force[rows], kind="stable")]
-
-    def at(values: Array) -> float:
-        return float(np.interp(preload, curve.force[rows] / patch, values[rows]))
-
-    approach, k_n = float(np.interp(preload, p, z)), float(np.interp(preload, p, k))
-    with np.errstate(all="ignore"):
-        bar = at(curve.error_k_n_interface / curve.k_n_interface)
-        if law == "table":  # the compliance of the block is exact: the rest has all of the error
-            bar = at(curve.error_k_n / curve.k_n) * k_n * patch / at(curve.k_n)
-        yield _shown("approach", approach, at(curve.error_mean_gap) / approach, preload)
-        yield _shown("slope of the law", k_n, bar, preload)
-        for name, words in (("k_n_interface", "stiffness of small vibration"), ("k_t_interface", "without slip")):
-            value, error = at(getattr(curve, name)), at(getattr(curve, f"error_{name}"))
-            if value > 0.0:
-                yield _shown(f"{name} ({words})", value / patch, error / value, preload)
-
-
-def _shown(name: str, value: float, bar: float, preload: float) -> str:
-    """A number with its error bar, in ASCII as decks are."""
-    text = quantity(value, "", 3, bar=bar).replace("±", "+/-")
-    return (
-        f"{name} at the pressure {preload:.6g} of the preload: {text}{'' if bar == bar else ', without an error bar'}"
-    )

@@ -104,7 +104,7 @@ def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str 
 
 
 def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> bytes:
-    """Deck with nodes, elements, and node sets and element surfaces of the faces."""
+    """Deck with nodes, elements, and a node set and an element surface of the name of each face."""
     out = BytesIO()
 
     def write(head: str, rows: Array, form: str) -> None:
@@ -118,8 +118,8 @@ def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> bytes:
     write("NODE, NSET=ALL", numbered(block.points), "%d, %.12g, %.12g, %.12g")
     write("ELEMENT, TYPE=C3D10, ELSET=BLOCK", numbered(block.tets[:, GMSH_TO_VTK] + 1), "%d")
     for name, of_set in faces.items():
-        write(f"NSET, NSET=N{name}", np.unique(of_set) + 1, "%d")
-        write(f"SURFACE, NAME=S{name}, TYPE=ELEMENT", _element_faces(block.tets, of_set) + 1, "%d, S%d")
+        write(f"NSET, NSET={name}", np.unique(of_set) + 1, "%d")
+        write(f"SURFACE, NAME={name}, TYPE=ELEMENT", _element_faces(block.tets, of_set) + 1, "%d, S%d")
     return out.getvalue()
 
 

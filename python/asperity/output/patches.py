@@ -51,7 +51,7 @@ class Spread:
     def __str__(self) -> str:
         """The change and its standard error in words."""
         word = "softer" if self.change < 0.0 else "stiffer"
-        return f"{100 * abs(self.change):.0f} % ± {100 * self.error:.0f} % {word}"
+        return f"{100 * abs(self.change):.0f} % ± {100 * self.error:.0f} percentage points {word}"
 
     def to_dict(self) -> dict[str, Any]:
         """Section "patches" of summary.json."""

@@ -17,7 +17,7 @@ from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.raster import Raster
 from asperity.runtime import run_folder
-from asperity.runtime.display import optional, short_repr
+from asperity.runtime.display import short_repr
 from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_csv, read_npz, read_text
 from asperity.surface import Surface
 
@@ -155,55 +155,6 @@ class Results:
                 "output.fields = true"
             )
         return Raster(self.top, n=n).gap(snapshot)
-
-    def to_xarray(self) -> Any:
-        """Fields on the top of the solid, over load step and node; needs the package xarray.
-
-        Returns:
-            a Dataset of pressure [force/length^2], gap [length] and touched, with x and y of the nodes and the approach
-            delta of the steps [length]
-
-        Raises:
-            InputError: the run kept no fields
-        """
-        if not self.snapshots:
-            raise InputError(f"{self.folder} holds no fields: they need output.fields = true")
-        top, over = self.top, ("step", "node")
-        return optional("xarray").Dataset(
-            {name: (over, top[name]) for name in ("pressure", "gap", "touched")},
-            {
-                "step": top["steps"], "delta": ("step", top["delta"]), "branch": ("step", top["branch"]),
-                "x": ("node", top["points"][:, 0]), "y": ("node", top["points"][:, 1]),
-            },
-        )  # fmt: skip
-
-    def to_pyvista(self, snapshot: int = -1) -> Any:
-        """Displacement, stress and pressure of a kept load step as a grid of PyVista; needs the package pyvista.
-
-        Args:
-            snapshot: number of the step among those that are kept, negative from the last
-
-        Returns:
-            an UnstructuredGrid, lengths in units of L, stresses physical [force/length^2]
-
-        Raises:
-            InputError: the run kept no fields, or not so many
-        """
-        source = self.folder / run_folder.FIELDS / run_folder.VTKHDF
-        if not source.is_file():
-            raise InputError(f"{source} is missing: it needs a run with output.fields = true")
-        pyvista = optional("pyvista")
-        from vtkmodules.vtkIOHDF import vtkHDFReader
-
-        reader = vtkHDFReader()
-        reader.SetFileName(str(source))
-        reader.UpdateInformation()
-        count = max(reader.GetNumberOfSteps(), 1)
-        if not -count <= snapshot < count:
-            raise InputError(f"there is no step {snapshot} among the {count} in {source}")
-        reader.SetStep(snapshot % count)
-        reader.Update()
-        return pyvista.wrap(reader.GetOutput())
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:

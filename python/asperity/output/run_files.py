@@ -22,7 +22,7 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
-from asperity.runtime.usage import Clock, peak
+from asperity.runtime.usage import peak
 from asperity.version import __version__
 
 if TYPE_CHECKING:
@@ -244,21 +244,11 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
     }
 
 
-def of_ranks(comm: Any, seconds: dict[str, float], clock: Clock) -> dict[str, Any]:
-    """Memory and time by ranks, as a section; collective.
-
-    Args:
-        seconds: by phase, of this rank
-        clock: of the job, since its last start
-    """
+def of_ranks(comm: Any, seconds: dict[str, float]) -> dict[str, Any]:
+    """Memory of each rank, and the longest time of each phase, as a section; collective."""
     peaks, times = zip(*comm.allgather((round(peak() / 2**20, 1), seconds)), strict=True)
     slowest = {name: round(max(each.get(name, 0.0) for each in times), 4) for name in times[0]}
-    return {
-        "peak_memory_MiB": list(peaks),
-        "slowest_seconds": slowest,
-        "rank_0_alone_seconds": round(clock.alone, 4),
-        "serial_share": round(clock.alone / clock.wall, 4),
-    }
+    return {"peak_memory_MiB": list(peaks), "slowest_seconds": slowest}
 
 
 def versions() -> dict[str, str]:

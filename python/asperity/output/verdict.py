@@ -8,7 +8,7 @@ from typing import Any
 
 from asperity.output.assumptions import DOUBTFUL
 from asperity.output.results import Results
-from asperity.units import plus_minus, quantity
+from asperity.units import points, quantity
 
 
 def verdict(results: Results) -> list[str]:
@@ -31,9 +31,8 @@ def _contact(results: Results) -> Iterator[str]:
     top = int(curve.force.argmax())
     force = quantity(float(curve.force[top]), results.unit("force"), bar=curve.bar("P_star", top))
     delta = quantity(float(curve.delta[top]), results.unit("length"))
-    share = 100.0 * float(curve.area_fraction[top])
-    of_area = plus_minus(share, 100.0 * curve.area_error(top))
-    area = f"; {of_area} % of the nominal area is in contact" if isfinite(share) else ""
+    share = float(curve.area_fraction[top])
+    area = f"; {points(share, curve.area_error(top))} of the nominal area is in contact" if isfinite(share) else ""
     yield f"The force on the patch is {force} at an approach of {delta}{area}."
     if not isfinite(curve.bar("P_star", top)):
         yield "The force has no error bar: the case requests no tolerance."
@@ -117,7 +116,7 @@ def headline(
 
 
 def doubts(records: Sequence[Mapping[str, Any]], named: bool = False) -> list[str]:
-    """How many records of the ledger in summary.json are doubtful, and which if `named`; empty without records."""
+    """How many assumptions in summary.json are doubtful, and which if `named`; empty without any."""
     names = [record["name"] for record in records if record["verdict"] == DOUBTFUL]
     checked = f"{len(records)} assumptions that were checked"
     if not names:

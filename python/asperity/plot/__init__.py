@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
-from asperity.plot.contact import contact_area, pressure_maps
+from asperity.plot.contact import contact_area, flow_maps, pressure_maps
 from asperity.plot.curves import conductance, force_curve, indentation, leakage, stiffness
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
@@ -22,12 +22,19 @@ if TYPE_CHECKING:
     from asperity.vibration import Dynamics
 
 __all__ = [
-    "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "indentation", "leakage", "motion",
-    "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
+    "CAPTIONS", "conductance", "contact_area", "flow_maps", "force_curve", "frequency", "indentation", "leakage",
+    "motion", "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
 
 
+_STATIC = (
+    "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
+)
+_FORCE = (
+    "The amplitude F̂ of the excitation is that of the force over kₙ zₛ, that of the base over zₛ, or that of the "
+    "acceleration of the base over ωₛ² zₛ; the static load is W."
+)
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
@@ -41,18 +48,20 @@ CAPTIONS = {
     "conductance": "Conductance per nominal area over the nominal pressure.",
     "leakage": "(a) Transmissivity of the gap over the load; a dotted line marks the last load with an open channel. "
     "(b) Mean gap and hydraulic aperture.",
+    "flow": "Flow of a film along x through the open gap at selected loads, over its mean. Pale: no flow.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
-    "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
+    f"deflection. {_STATIC} Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
-    "response": "Forced vibration: largest displacement over the excitation frequency. Diamonds joined by a "
-    "dotted line mark the onset of contact loss.",
+    "response": f"Forced vibration: largest displacement over the excitation frequency. {_STATIC} {_FORCE} Diamonds "
+    "joined by a dotted line mark the onset of contact loss.",
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
-    "has one curve for all forces; the peak of each force lies on its backbone.",
+    f"has one curve for all forces; the peak of each force lies on its backbone. {_STATIC} {_FORCE}",
     "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
-    "Shaded: out of contact.",
-    "slip": "(a) Loops of the tangential force over the displacement, by the normal curve of like bodies. "
-    "(b) Loss factor, twice the damping ratio. "
-    "(c) Amplitude of the force over that of the displacement.",
+    f"Shaded: out of contact. {_STATIC} {_FORCE}",
+    "slip": "(a) Loops of the tangential force T over the displacement by slip, u less the displacement T/k without "
+    "slip; the stiffness k is that at rest. The normal curve of like bodies gives the loops, whose area is the energy "
+    "of a cycle. (b) Loss factor, twice the damping ratio. (c) Amplitude of the force over that of the displacement. "
+    "The limit of friction is μP.",
 }
 
 
@@ -106,6 +115,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "leakage": (bool(np.any(results.curve.transmissivity_x + results.curve.transmissivity_y > 0)), leakage),
+        "flow": (results.snapshots > 0 and bool(np.any(results.curve.transmissivity_x > 0)), flow_maps),
         "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),

@@ -1,25 +1,35 @@
-"""Figures of the contact: maps of the pressure, area over the load, distribution of the pressure."""
+"""Figures of the contact: maps of the pressure, area over the load, and the surface that templates/turn.js turns."""
 
 from __future__ import annotations
 
+import base64
+import io
 import math
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import LightSource
+from matplotlib import colormaps
+from matplotlib.colors import LightSource, LogNorm, to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from PIL import Image
 
 from asperity.arrays import Array
 from asperity.output.raster import PIXELS, Raster, facets
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
+from asperity.reference.leakage import flow
 from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
+FLOW_PIXELS, FLOW_RANGE = 200, (1e-2, 10.0)  # of a map of the flow, and of its colours over the mean
 RELIEF = 0.1  # range of the heights that shade a map, over its side
+NODES = 134  # of the turning surface along each side, every third pixel of the map: 48 kB
+RAISED = 0.25  # range of the heights of the turning surface, over the side
+UNLOADED = 184  # grey
+MILLISECONDS = 700  # of a picture of the growing spots
 
 
 @style.styled
@@ -52,6 +62,36 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     box = Rectangle(tuple(low), *(high - low), fill=False, ec=style.BLUE, lw=0.9)
     axes[chosen.index(last)].add_patch(box)
     figure.colorbar(image, ax=axes, shrink=0.8).set_label(style.label("contact pressure", unit))
+    return figure
+
+
+@style.styled
+def flow_maps(results: Results, count: int = 3) -> Figure:
+    """Draw the flow of a film along x at up to `count` loads at which a channel is open, each over its mean."""
+    periodic = results.case.get("block", {}).get("sides") == "periodic"
+    on_patch, found = Raster(results.top, n=FLOW_PIXELS), []
+    for i in np.flatnonzero(results.top["branch"] == "load"):
+        size = np.linalg.norm(flow(on_patch.gap(i), periodic), axis=0)
+        if size.any():
+            found.append((i, size))
+    chosen = [found[k] for k in sorted({int(k) for k in np.linspace(len(found) - 1, 0, count).round()})]
+    figure, axes = style.figure(1.1 + 2.5 * len(chosen), 3.0, *(_title(results, i) for i, _ in chosen))
+    for axis, (_, size) in zip(axes, chosen, strict=True):
+        shown = np.ma.masked_equal(size / size.mean(), 0.0)
+        image = _map(axis, results, on_patch, shown, cmap="viridis", norm=LogNorm(*FLOW_RANGE))
+        axis.label_outer()
+    figure.colorbar(image, ax=axes, shrink=0.8, extend="both").set_label("flow over its mean on the patch")
+    return figure
+
+
+@style.styled
+def pressure_map(results: Results, on_patch: Raster, i: int, highest: float) -> Figure:
+    """Draw the contact pressure of a snapshot; `highest` is that of the colour scale [force/length^2]."""
+    figure, (axis,) = style.figure(style.SINGLE, 4.0, _title(results, i))
+    scale, unit = prefix(highest, results.unit("stress"))
+    look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale}
+    image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
+    figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("contact pressure", unit))
     return figure
 
 
@@ -172,3 +212,70 @@ def _levels(top: Any, count: int) -> list[int]:
 def _strain(results: Results, i: int) -> float:
     side = results.case["surface"]["L"] if results.case else float(results.top["points"].max())
     return float(results.top["delta"][i]) / side
+
+
+def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
+    """Deformed surface at the greatest approach with the pressure on it.
+
+    Args:
+        results: of a run with snapshots
+        on_grid: squares of its whole top
+
+    Returns:
+        None without pressure, else what the page shows: nodes of the shape along each side; heights, base64 of 16
+        bits each from lowest to highest, rows in y; colours, base64 of a PNG file, the pressure over the patch, its
+        first row at y = 0; relief, the range of the heights over the side as shown; scale, the colours of the legend;
+        highest, the greatest pressure with its unit; side and range, of the patch and of the heights with their unit;
+        caption
+    """
+    top = results.top
+    if not np.any(top["pressure"] > 0.0):
+        return None
+    i = int(np.argmax(top["delta"]))
+    below = top["gap"][i] + (0.0 if results.tool is None else results.tool.height(*top["points"].T))
+    z = -on_grid(below)[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the plane of the flat
+    span = float(np.ptp(z)) or 1.0
+    highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
+    length, side = results.unit("length"), float(np.ptp(top["points"][:, 0]))
+    approach = quantity(float(top["delta"][i]), length, 3)
+    row, load = results.curve.where(results.curve.step == int(top["steps"][i])), ""
+    if len(row):
+        load = f" under a load of {quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))},"
+    return {
+        "nodes": len(z),
+        "heights": base64.b64encode(np.round((z - z.min()) / span * 65535).astype("<u2").tobytes()).decode(),
+        "colours": _png([_picture(on_grid.pressure(i), highest)]),
+        "relief": RAISED,
+        "scale": ", ".join(to_hex(colour) for colour in colormaps["inferno_r"](np.linspace(0.0, 1.0, 9))),
+        "highest": quantity(highest, results.unit("stress"), 3),
+        "side": quantity(side, length, 3),
+        "range": quantity(span, length, 3),
+        "caption": f"The surface at the greatest approach, {approach},{load} with the contact pressure; "
+        f"heights {RAISED * side / span:.2g} times enlarged. Drag it, or use the arrow keys.",
+    }
+
+
+def growing_spots(results: Results, on_grid: Raster) -> str | None:
+    """Pressure at the saved steps of the loading, one after the other: base64 of an animated PNG file.
+
+    None with fewer than two steps under pressure.
+    """
+    top = on_grid.top
+    levels = [i for i, name in enumerate(top["branch"]) if name == "load" and top["pressure"][i].max() > 0.0]
+    if len(levels) < 2:
+        return None
+    highest = max(float(top["pressure"][i].max()) for i in levels)
+    return _png([style.pixels(pressure_map(results, on_grid, i, highest)) for i in levels])
+
+
+def _picture(pressure: Array, highest: float) -> Image.Image:
+    """Colours of a pressure, grey out of contact, the first row at the top."""
+    picture = colormaps["inferno_r"](np.nan_to_num(pressure) / highest, bytes=True)[..., :3]
+    picture[~(pressure > 0.0)] = UNLOADED
+    return Image.fromarray(picture)
+
+
+def _png(frames: list[Image.Image]) -> str:
+    file = io.BytesIO()
+    frames[0].save(file, "PNG", save_all=len(frames) > 1, append_images=frames[1:], duration=MILLISECONDS, loop=0)
+    return base64.b64encode(file.getvalue()).decode()

@@ -1,8 +1,6 @@
-"""Figures of a surface, of its Abbott curve and of its spectrum."""
+"""Figures of a surface and of its spectrum."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -41,32 +39,6 @@ def surface_map(heights: Array, side: float, touch: tuple[float, float, float], 
     rough = f"$S_q$ = {heights.std() * up:.3g} {up_unit}".rstrip()
     axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
     figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("height above the mean plane", up_unit))
-    return figure
-
-
-@style.styled
-def abbott_figure(heights: Array, found: Mapping[str, float | None], unit: str = "") -> Figure:
-    """Draw heights over their material ratio, the line through the core, and Sk, Spk and Svk; `unit` of length.
-
-    Args:
-        heights: of any shape [length]
-        found: parameters of ISO 25178, see `HeightField.iso25178`
-    """
-    figure, (axis,) = style.figure(style.SINGLE, 3.4, "Abbott curve")
-    scale, name = prefix(np.ptp(heights) / 2.0, unit)
-    ratio = np.linspace(0.0, 1.0, 1001)
-    height = np.quantile(heights - heights.mean(), 1.0 - ratio)
-    Sk, Spk, Svk, *ratios = (float(found[key] or 0.0) for key in ("Sk", "Spk", "Svk", "Smr1", "Smr2"))
-    upper, lower = np.interp(ratios, ratio, height)  # the ends of the line
-    axis.plot(100.0 * ratio, scale * height, color=style.BLUE)
-    axis.plot([0.0, 100.0], [scale * upper, scale * lower], "--", color=style.VERMILION, lw=1.0)
-    for end in (upper, lower):
-        axis.axhline(scale * end, color=style.GREY, lw=0.6)
-    # the peaks of the curve are at the left, its pits at the right
-    for x, base, up, label in ((70.0, upper, Spk, "Spk"), (2.0, lower, Sk, "Sk"), (2.0, lower - Svk, Svk, "Svk")):
-        axis.annotate(f"{label} = {scale * up:.3g} {name}".rstrip(), (x, scale * (base + up / 2.0)), va="center")
-    names = "material ratio (%), Smr1 = {:.3g}, Smr2 = {:.3g}".format(*(100.0 * ratio for ratio in ratios))
-    axis.set(xlabel=names, ylabel=style.label("height above the mean", name), xlim=(0.0, 100.0))
     return figure
 
 

@@ -16,11 +16,11 @@ from asperity.output.raster import Raster
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
-from asperity.plot.style import DPI
-from asperity.plot.turning import growing_spots, turning_surface
+from asperity.plot.contact import growing_spots, turning_surface
+from asperity.plot.style import DPI, PAGE
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT
-from asperity.units import plus_minus, quantity
+from asperity.units import points, quantity
 from asperity.version import __version__
 
 Rows = list[tuple[str, str]]
@@ -82,7 +82,7 @@ def write_report(folder: str | Path) -> Path:
         outcome=_outcome(results),
         assumptions=assumptions,
         turning=None if on_grid is None else turning_surface(results, on_grid),
-        growing=None if on_grid is None else growing_spots(on_grid),
+        growing=None if on_grid is None else growing_spots(results, on_grid),
         figures=[_figure(path) for path in drawn],
         case=tomli_w.dumps(dict(results.case)),
         jumps=jump_rows(
@@ -139,12 +139,11 @@ def _outcome(results: Results) -> Rows:
         of_bar = curve.bar(bar or name, top) if hasattr(curve, f"error_{bar or name}") else math.nan
         return quantity(value, results.unit(unit), bar=of_bar) if math.isfinite(value) else ""
 
-    area = plus_minus(100.0 * float(curve.area_fraction[top]), 100.0 * curve.area_error(top))
     rows = [
         ("steps", f"{len(curve)}"),
         ("largest force on the patch", shown("force", "force", "P_star")),
         ("at the approach", shown("delta", "length")),
-        ("contact area", f"{area} % of the nominal"),
+        ("contact area over nominal area", points(float(curve.area_fraction[top]), curve.area_error(top))),
         ("contact spots", f"{curve.spots[top]}" if curve.spots[top] else ""),
         ("mean gap", shown("mean_gap", "length")),
         ("mean pressure", shown("mean_pressure", "stress")),
@@ -159,8 +158,8 @@ def _outcome(results: Results) -> Rows:
     nominal = float(results.case["surface"]["L"]) ** 2 if "surface" in results.case else math.nan
     for name, words in STIFFNESS_WORDS.items():
         text, of_area = shown(name, "stiffness"), scale * float(getattr(curve, name)[top]) / nominal
-        if math.isfinite(of_area):
-            text += f", {quantity(of_area, per, bar=curve.bar(name, top))} of the nominal area"
+        if math.isfinite(of_area):  # the bar is the same
+            text += f"; per nominal area {quantity(of_area, per, bar=curve.bar(name, top)).partition(' ±')[0]}"
         rows.append((words, text))
     _, h, error = (float(column[top]) for column in results.gap_conductance())
     of_joint = quantity(h, results.unit("conductance"), bar=error / h) if math.isfinite(h) else ""
@@ -181,11 +180,11 @@ def _figure(path: Path) -> dict[str, Any]:
     if path.suffix == ".svg":
         found = re.search(rb' width="([\d.]+)pt"', data[:2000])
         inches = float(found[1]) / 72.0 if found else 6.0  # a drawing of somebody else
-    width = 110 * inches  # so that text has the size of that on the page
+    width = PAGE * inches
     return {
         "caption": CAPTIONS.get(path.stem, path.stem),
         "width": f"{width:.0f}",
-        "wide": width > 700,  # a narrow screen scrolls it
+        "wide": width > 580,  # a narrow screen scrolls it
         "kind": "svg+xml" if path.suffix == ".svg" else "png",
         "data": base64.b64encode(data).decode(),
     }

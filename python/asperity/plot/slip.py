@@ -15,15 +15,21 @@ from asperity.units import prefix
 
 @style.styled
 def slip(results: Results) -> Figure:
-    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv."""
+    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv.
+
+    A loop is much narrower than long: the force is drawn over the displacement less that without slip.
+    """
     figure, axes = style.figure(style.WIDE, 3.4, "loops", "loss factor", "secant stiffness")
     states, rows = results.slip, results.slip_loops
-    of_u, unit_u = prefix(float(np.abs(states["u"]).max()), results.unit("length"))
+    light = np.flatnonzero(states["T"] > 0.0)[0]  # the first state of the smallest amplitude
+    slipped = states["u"] - states["T"] * (states["u"][light] / states["T"][light])
+    of_u, unit_u = prefix(float(np.abs(slipped).max()), results.unit("length"))
     of_t, unit_t = prefix(float(np.abs(states["T"]).max()), results.unit("force"))
     for colour, amplitude in zip(cycle(style.COLOURS), np.unique(states["amplitude"]), strict=False):
         of = states["amplitude"] == amplitude
-        axes[0].plot(of_u * states["u"][of], of_t * states["T"][of], "-", color=colour, label=f"{amplitude:g}")
-    axes[0].set(xlabel=style.label("displacement $u$", unit_u), ylabel=style.label("tangential force $T$", unit_t))
+        axes[0].plot(of_u * slipped[of], of_t * states["T"][of], "-", color=colour, label=f"{amplitude:g}")
+    axes[0].set(xlabel=style.label("displacement by slip, $u - T/k$", unit_u))
+    axes[0].set(ylabel=style.label("tangential force $T$", unit_t))
     axes[0].legend(title=r"$T/(\mu P)$", loc="upper left")
     factor, unit = prefix(float(rows["k_secant"].max()), results.unit("stiffness"))
     for axis, name, scale in ((axes[1], "eta", 1.0), (axes[2], "k_secant", factor)):

@@ -13,8 +13,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import get_registered_canvas_class
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
+from PIL import Image
 
 from asperity.errors import InputError
 from asperity.runtime.files import replace_file
@@ -31,6 +33,7 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK)  # of curves of one ki
 
 SINGLE, DOUBLE, WIDE = 4.6, 8.0, 10.5  # widths, inches
 DPI = 200
+PAGE = 110  # pixels of a page to an inch, so that text has the size of that on the page
 _RAISED = str.maketrans("0123456789-\u2212", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 
 _RC: dict[str, Any] = {
@@ -115,6 +118,15 @@ def save(figure: Figure, path: str | Path) -> Path:
         getattr(canvas, f"print_{form}")(picture, **fixed)  # `Figure.savefig` draws twice
     replace_file(path, picture.getvalue())
     return path
+
+
+def pixels(figure: Figure) -> Image.Image:
+    """Picture of a figure, of the size that it has on a page."""
+    with mpl.rc_context(_RC):
+        figure.set_dpi(PAGE)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
 
 def save_in(folder: Path, name: str, figure: Figure) -> Path:

@@ -29,14 +29,14 @@ from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import UNREADABLE, read_npz, remove_asides, write_npz
 from asperity.runtime.gathered import gather, hand_out, on_root_of
-from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 from asperity.version import __version__
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 11  # of the files, which other versions refuse
+FORMAT = 12  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
 Arrays = Mapping[str, Array]  # by name, on rank 0
 Field = tuple[str, Indices, Array]  # name, numbers of rows, and the rows of this rank
@@ -102,27 +102,26 @@ class Checkpoint:
         Raises:
             CheckpointError: it is damaged, of another case or of a newer version
         """
-        there: list[Saved] = []
-
-        def read() -> dict[str, Any] | None:
-            if self._ignored or not (self.folder / STATE).is_file():
-                return None
-            remove_asides(self.folder)
-            meta, arrays = self._read_state(self.folder / STATE)
-            path = self.folder / MESH
-            with _refusing(path):
-                block = BlockMesh.from_arrays(read_npz(path))
-            if any(len(arrays.get(name, ())) != len(block.points) for name in DISPLACEMENTS):
-                raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
-            snapshots = tuple(_read(self.folder / SNAPSHOT.format(k)) for k in range(len(meta["snapshots"])))
-            there.append(Saved(meta, arrays, snapshots, block))
-            return meta
-
-        meta = on_root_bcast(self._comm, read)
+        saved = on_root(self._comm, self._read)
+        meta = self._comm.bcast(saved and saved.meta)
         if meta is None:
             return None
         self._begun, self._snapshots = True, len(meta["snapshots"])
-        return there[0] if there else Saved(meta)
+        return saved or Saved(meta)
+
+    def _read(self) -> Saved | None:
+        """The saved state in one process."""
+        if self._ignored or not (self.folder / STATE).is_file():
+            return None
+        remove_asides(self.folder)
+        meta, arrays = self._read_state(self.folder / STATE)
+        path = self.folder / MESH
+        with _refusing(path):
+            block = BlockMesh.from_arrays(read_npz(path))
+        if any(len(arrays.get(name, ())) != len(block.points) for name in DISPLACEMENTS):
+            raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
+        snapshots = tuple(_read(self.folder / SNAPSHOT.format(k)) for k in range(len(meta["snapshots"])))
+        return Saved(meta, arrays, snapshots, block)
 
     def _read_state(self, path: Path) -> tuple[dict[str, Any], Arrays]:
         """Numbers and arrays."""

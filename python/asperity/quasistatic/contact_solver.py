@@ -16,7 +16,7 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.thin_film import ThinFilm
-from asperity.fem.energies import dissipation, energies
+from asperity.fem.energies import dissipation, energies, equivalent_strain
 from asperity.fem.history import History, extrapolate
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import LinearFailure, destroy_unused, own_errors
@@ -26,6 +26,7 @@ from asperity.quasistatic.newton import COUNTED, NewtonSolver, StepStats
 from asperity.runtime.parallel import summed
 
 MOST_PASSES = 40  # of a step, in which friction settles; a usual step takes one to four
+STRETCHED = 1.0  # logarithmic strain beyond which a bar in tension bears less, the more it is stretched
 
 
 @dataclass
@@ -75,7 +76,8 @@ class ContactSolver:
             collective, they return values by the name of a column, of their `columns`, in units of L and E
         probed: what they found in the last accepted step
         film: finds the leakage after each accepted step, None where it is not wanted
-        doubt: what is wrong with a law of the user in the last step without convergence, empty for nothing
+        doubt: what is wrong with a law of the user, or with elements, in the last step without convergence, empty for
+            nothing
     """
 
     def __init__(
@@ -160,7 +162,24 @@ class ContactSolver:
             self.doubt = next(filter(None, self.solid.comm.allgather(found)), "")
             log.info("%s: given up after %d Newton steps, %s", where, stats.newton, self.doubt or stats.reason)
             self.roll_back()
+            self.doubt = self.doubt or self._stretched()
         return stats
+
+    def _stretched(self) -> str:
+        """What helps where finite strain is too much for the elements, empty where it is not; collective."""
+        solid, material = self.solid, self.solid.material
+        if not material.finite or material.law is not None:
+            return ""
+        most = float(np.max(equivalent_strain(solid, self.history), initial=0.0))
+        most = solid.comm.allreduce(most, op=MPI.MAX)
+        if most < STRETCHED:
+            return ""
+        soft = material.plastic and material.plastic_modulus < material.yield_strength
+        more = ", a material.tangent_modulus near material.yield_strength" if soft else ""
+        return (
+            f"the greatest strain is {most:.2g}, which turns elements inside out: take a larger mesh.h_contact, a "
+            f"tool with a rounded tip{more}, or press less deep"
+        )
 
     def _settle(self, start: Floats, scale: float) -> StepStats:
         """Solve until friction settles."""
@@ -203,6 +222,7 @@ class ContactSolver:
         self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
         self.delta, self._internal, self._own = delta, self.newton.force, None
         self._find_forces()
+        balanced = "energy" not in self.checks.violated
         with solid.phases.phase("checks"):
             audit(
                 self.checks,
@@ -213,6 +233,8 @@ class ContactSolver:
                 exact=extrapolation == 0.0 and not self._extrapolated,
                 energies=solid.material.law is None or solid.material.law.hyperelastic,
             )
+            if balanced and "energy" in self.checks.violated and (reason := self._stretched()):
+                self.checks.violated["energy"] += f", and {reason}"
         self._extrapolated = extrapolation > 0.0
         if self._extrapolated:
             self._own = solid.kernels.history().copy()
@@ -271,6 +293,17 @@ class ContactSolver:
         nodes = self.contact_surface.owned_nodes
         z = self.contact_surface.elevation(nodes)
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))
+
+    def retract(self) -> bool:
+        """Take the history of the displacement in place of the extrapolated one; whether there was one.
+
+        A step that is cut may end before the approach of an extrapolated history, from which it would unload.
+        """
+        if self._own is None:
+            return False
+        self.solid.kernels.restore(self._own)
+        self._own, self._extrapolated, self._internal = None, False, self.solid.internal_force().copy()
+        return True
 
     @property
     def history(self) -> History:

@@ -50,12 +50,7 @@ def distributed(comm: MPI.Comm, surface: Surface, block: BlockMesh | None, sides
     Raises:
         MeshError: the block is another surface's, its sides do not fit, or an element is turned inside out
     """
-
-    def check() -> None:
-        if block is not None:
-            block.check(surface)
-
-    on_root(comm, check)
+    on_root(comm, lambda: block and block.check(surface))
     mesh, tags = distribute(comm, block, 1.0 / surface.L, sides == "periodic")
     check_distortion(mesh, surface)
     return mesh, tags
@@ -100,8 +95,7 @@ def make_contact_solver(
     if comm.size > 1:
         destroy_unused(comm)  # solvers of earlier runs
     L = surface.L
-    if material.law is not None:
-        law = material.law
+    if (law := material.law) is not None:
         on_root(comm, lambda: check_law(law))
     height = comm.bcast(None if block is None else block.height, root=0)
     mesh, tags = distributed(comm, surface, block, sides)

@@ -10,8 +10,7 @@ from mpi4py import MPI
 
 from asperity.arrays import Floats
 from asperity.contact.contact_surface import spots_of
-from asperity.fem.forms import FormKernels
-from asperity.model.material import PAIRS
+from asperity.fem.energies import equivalent_strain
 from asperity.quasistatic.contact_solver import ContactSolver
 
 STRAINED = 0.05  # equivalent strain above which the volume is counted
@@ -48,7 +47,7 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     strain = solver.history.accumulated
     volumes = solid.kernels.volumes
     yielded = float(volumes[strain > 0.0].sum()) if strain.size else 0.0
-    total = equivalent_strain(solver)
+    total = equivalent_strain(solid, solver.history)
     sums = comm.allreduce(np.array([yielded, volumes.sum(), volumes[total > STRAINED].sum()]))
     peaks = np.array([np.max(values, initial=0.0) for values in (solver.pressure, strain, total)])
     comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
@@ -73,25 +72,6 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         "max_strain": float(peaks[2]),
         "strained_fraction": float(sums[2] / sums[1]),
     }
-
-
-def equivalent_strain(solver: ContactSolver) -> Floats:
-    """Equivalent strain sqrt(2/3 e:e) at the quadrature points (cells, points), e the deviator of the strain.
-
-    Compiled kernels have it from the stress, and the plastic strain that the history holds.
-    """
-    kernels, history, material = solver.solid.kernels, solver.history, solver.solid.material
-    if isinstance(kernels, FormKernels):
-        e = kernels.strain(solver.solid.u.x.array.reshape(-1, 3))
-        e -= np.trace(e, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
-        return np.asarray(np.sqrt(2.0 / 3.0 * np.einsum("cqij,cqij->cq", e, e)))
-    stress = kernels.conjugate_stress(solver.solid.u.x.array.reshape(-1, 3), history)
-    stress[..., :3] -= stress[..., :3].mean(axis=-1, keepdims=True)
-    deviator = stress / (2.0 * material.lame[1])
-    if history.rows:
-        deviator += history.plastic_strain
-    squared = np.einsum("cqi,cqi,i->cq", deviator, deviator, PAIRS)
-    return np.asarray(np.sqrt(2.0 / 3.0 * squared))
 
 
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:

@@ -220,7 +220,8 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
         if solver.counts.steps >= ESTIMATE_STEPS:
             raise Interrupted("enough for an estimate")
 
-    schedule = Schedule(force_max=problem.schedule.force_max, steps=5)
+    path = problem.schedule
+    schedule = Schedule(force_max=path.force_max, steps=5, duration=path.duration, hold=path.hold)
     with suppress(ConvergenceError):
         follow(solver, schedule, Record(L, problem.material.E, 1.0), on_position=give_up)
     return max(solver.delta, 1e-3) * L

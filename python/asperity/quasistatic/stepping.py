@@ -39,7 +39,8 @@ class Position:
     leg: int = 0  # number of finished loadings and unloadings
     start: tuple[float, float] | None = None  # approach and force at the beginning of this leg; None before
     target: int = 0  # number of planned steps of this leg that are reached
-    step: float = 0.0  # length of the next step; 0 lifts the flat off
+    done: float = 0.0  # part of this leg that is done, of a leg in parts
+    step: float = 0.0  # length of the next step, of a leg in parts the part of the leg; 0 lifts the flat off
     shortest: float = 0.0  # below it the run stops
     history: float | None = None  # approach of the committed history where the midpoint rule extrapolates it
 
@@ -59,8 +60,10 @@ class Record:
     rows: list[dict[str, Any]] = field(default_factory=list)
     snapshots: list[Snapshot] = field(default_factory=list)
 
-    def add(self, solver: ContactSolver, branch: str, stats: StepStats, seconds: float) -> None:
-        """Append the state of `solver` as a row; collective."""
+    def add(
+        self, solver: ContactSolver, branch: str, stats: StepStats, seconds: float, time: float | None = None
+    ) -> None:
+        """Append the state of `solver` as a row, at a time of the path where it takes any [s]; collective."""
         state = measures.row(solver)
         force = solver.force * self.E * self.side**2
         units = {
@@ -78,6 +81,7 @@ class Record:
             "newton": stats.newton,
             "krylov": stats.krylov,
             "seconds": seconds,
+            **({} if time is None else {"time": time}),
         }
         self.rows.append(row)
 
@@ -88,7 +92,17 @@ class Record:
 
 #: Called after each accepted step with all rows so far and the finished part of the load path, in [0, 1].
 Callback = Callable[[Sequence[Mapping[str, Any]], float], None]
-Trial = tuple[float, StepStats]  # approach of a solve, and its outcome
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A solve of a step."""
+
+    delta: float  # approach [L]
+    stats: StepStats
+    step: float  # length that was tried
+    length: float  # and that was made, shorter at the end of a leg
+    done: float = 0.0  # see `Position`
 
 
 def follow(
@@ -127,11 +141,13 @@ def follow(
             raise ConvergenceError(
                 f"step {len(record.rows) + 1} at delta/L = {solver.delta:.6g}: {error}; the curve before is kept"
             ) from error
-        record.add(solver, leg.branch, stats, perf_counter() - begun)
+        part = 1.0 if after.leg > at.leg else after.done
+        now = leg.begins + part * leg.duration if schedule.duration else None
+        record.add(solver, leg.branch, stats, perf_counter() - begun, now)
         if leg.up > 0.0 and leg.keeps(snapshots, at, after, before, solver.force):
             record.snapshots.append(measures.snapshot(solver, len(record.rows), leg.branch))
         if on_step is not None:
-            within = 1.0 if after.leg > at.leg else leg.part(solver.delta, solver.force)
+            within = 1.0 if after.leg > at.leg else leg.part(after, solver.force)
             on_step(record.rows, (sum(numbers[: at.leg]) + numbers[at.leg] * within) / sum(numbers))
         at = after
         if on_position is not None:
@@ -140,7 +156,7 @@ def follow(
 
 @dataclass(frozen=True)
 class ToApproach:
-    """Leg to an approach in planned steps from first touch; a step that was cut grows again to the next stop."""
+    """Leg to an approach in planned parts of the way; a step that was cut grows again to the next stop."""
 
     branch: str  # as in the curve
     start: tuple[float, float]  # approach [L] and force [E L^2] at its beginning
@@ -148,8 +164,18 @@ class ToApproach:
     steps: int  # planned ones, without their parts
     stops: tuple[float, ...]  # ends of all parts of the way, in (0, 1]
     midpoint: bool  # whether the history is extrapolated
-    up = 1.0
+    begins: float = 0.0  # time at its beginning [s]
+    duration: float = 0.0  # [s]
     where = ""
+
+    @property
+    def up(self) -> float:
+        """1, 0 or -1."""
+        return {"unload": -1.0, "hold": 0.0}.get(self.branch, 1.0)
+
+    def lifts(self, at: Position) -> bool:
+        """Whether the next step lifts the flat off."""
+        return False
 
     def first(self, at: Position) -> Position:
         """Plan the first step."""
@@ -161,37 +187,93 @@ class ToApproach:
 
     def _whole(self, target: int) -> float:
         """Length of the planned step to a stop."""
-        return (self.goal - self.start[0]) * (self.stops[target] - (self.stops[target - 1] if target else 0.0))
+        return self.stops[target] - (self.stops[target - 1] if target else 0.0)
 
-    def _stop(self, target: int) -> float:
-        """Approach of a stop."""
-        return self.start[0] + (self.goal - self.start[0]) * self.stops[target]
+    def _end(self, at: Position, step: float) -> float:
+        """End of a step; a remainder slightly longer than the step is a part of it."""
+        stop = self.stops[at.target]
+        return stop if stop - at.done <= 1.001 * step else at.done + step
 
-    def end(self, at: Position, delta: float, step: float) -> float:
-        """End of a step from an approach; a remainder slightly longer than the step is a part of it."""
-        stop = self._stop(at.target)
-        return stop if stop - delta <= 1.001 * step else delta + step
+    def _at(self, part: float) -> float:
+        """Approach after a part of the way."""
+        return self.start[0] + (self.goal - self.start[0]) * part
 
-    def after(self, at: Position, solver: ContactSolver, target: float, step: float) -> tuple[Position, float | None]:
-        """Position after the solve at `target`, and the approach of the one that follows in the leg."""
-        if self._stop(at.target) - target > 1e-12:
-            after = replace(at, step=min(self._whole(at.target), GROWTH * step))
+    def solve(self, solver: ContactSolver, at: Position, step: float) -> Trial:
+        """Try a step; commits nothing."""
+        end = self._end(at, step)
+        solver.solid.kernels.dt = self.duration * (end - at.done)
+        delta = self._at(end)
+        return Trial(delta, solver.solve(delta), step, end - at.done, end)
+
+    def after(self, at: Position, solver: ContactSolver, trial: Trial) -> tuple[Position, float | None]:
+        """Position after a solve, and the approach of the one that follows in the leg."""
+        if self.stops[at.target] - trial.done > 1e-12:
+            after = replace(at, done=trial.done, step=min(self._whole(at.target), GROWTH * trial.step))
         elif at.target + 1 < len(self.stops):
-            after = self._next(at, at.target + 1)
+            after = self._next(replace(at, done=trial.done), at.target + 1)
         else:
             return Position(at.leg + 1), None
-        return after, self.end(after, target, after.step)
+        return after, self._at(self._end(after, after.step))
 
-    def part(self, delta: float, force: float) -> float:
+    def part(self, at: Position, force: float) -> float:
         """Finished part, by the steps, the first of which are short."""
         stops = (0.0, *self.stops)
-        way = (delta - self.start[0]) / (self.goal - self.start[0])
-        return float(np.interp(way, stops, np.linspace(0.0, 1.0, len(stops))))
+        return float(np.interp(at.done, stops, np.linspace(0.0, 1.0, len(stops))))
 
     def keeps(self, snapshots: int, at: Position, after: Position, before: float, force: float) -> bool:
         """Whether a step ended at one of the requested snapshots."""
         arrived, n, part = after.leg > at.leg or after.target > at.target, self.steps, self.stops[at.target]
         return arrived and any(abs(part - round(n * (k + 1) / snapshots) / n) < 1e-9 for k in range(snapshots))
+
+
+@dataclass(frozen=True)
+class ToForceInTime(ToApproach):
+    """Leg to a force [E L^2], which changes at a constant rate or is held: each step is searched for its force."""
+
+    @property
+    def where(self) -> str:  # type: ignore[override]
+        """Words for a message."""
+        return f" in the {self.branch} to a force in time"
+
+    def lifts(self, at: Position) -> bool:
+        """Whether the next step lifts the flat off."""
+        return self.goal == 0.0 and self.up < 0.0 and at.target == len(self.stops) - 1
+
+    def solve(self, solver: ContactSolver, at: Position, step: float) -> Trial:
+        """Try a step; commits nothing."""
+        end = self._end(at, step)
+        solver.solid.kernels.dt = self.duration * (end - at.done)
+        wanted = self.start[1] + (self.goal - self.start[1]) * end
+        close = FORCE_TOLERANCE * max(self.goal, self.start[1])
+        return Trial(*at_force(solver, wanted, close), step, end - at.done, end)
+
+
+def at_force(solver: ContactSolver, wanted: float, close: float) -> tuple[float, StepStats]:
+    """Find the approach [L] of a force [E L^2] after a step whose length in time is known; commits nothing.
+
+    Within that time the force at the approach of before may fall, so the first solve is there, and secants follow.
+    """
+    stats, start = StepStats(False, "the force is not found", 0, 0), None
+
+    def excess(delta: float) -> float:
+        nonlocal stats, start
+        stats = solver.solve(delta, start)
+        start = solver.solid.u.x.array.reshape(-1, 3)[: solver.solid.owned].copy() if stats.converged else None
+        return solver.solved_force() - wanted if stats.converged else np.nan
+
+    delta, force = solver.delta, solver.force
+    found, slope = excess(delta), STEEP * force / delta if force > 0.0 and delta > 0.0 else wanted / FIRST_MOVE
+    for _ in range(TRIALS):
+        if not abs(found) > close:
+            return delta, stats
+        here, before, delta = delta, found, delta - found / slope
+        found = excess(delta)
+        if found * before < 0.0:
+            delta = illinois(excess, (here, before), (delta, found), close, TRIALS)
+            return delta, stats
+        # at most four times as far, and on where the flat touches nothing yet
+        slope = max((found - before) / (delta - here), 0.25 * abs(found) / abs(delta - here))
+    return delta, replace(stats, converged=False, reason="the force is not found")
 
 
 @dataclass(frozen=True)
@@ -208,6 +290,7 @@ class ToForce:
     goal: float  # force at its end [E L^2]
     steps: int
     midpoint: bool
+    begins = duration = 0.0
 
     @property
     def up(self) -> float:
@@ -237,11 +320,23 @@ class ToForce:
             step = 0.0
         return replace(at, start=self.start, target=1, step=step, shortest=SMALLEST_CUT * step)
 
-    def end(self, at: Position, delta: float, step: float) -> float:
-        """End of a step from an approach."""
-        return delta + self.up * step
+    def lifts(self, at: Position) -> bool:
+        """Whether the next step lifts the flat off."""
+        return self.goal == 0.0 and at.step == 0.0
 
-    def shorter(self, solver: ContactSolver, step: float) -> float:
+    def solve(self, solver: ContactSolver, at: Position, step: float) -> Trial:
+        """Try a step; commits nothing."""
+        while True:
+            delta = solver.delta + self.up * step
+            stats = solver.solve(delta)
+            if not stats.converged or (shorter := self._shorter(solver, step)) == step:
+                break
+            step = shorter
+        if stats.converged:
+            delta, stats = self._found(solver, delta, stats)
+        return Trial(delta, stats, step, abs(delta - solver.delta))
+
+    def _shorter(self, solver: ContactSolver, step: float) -> float:
         """Length of a first step whose solve gave far more than the planned force; else `step`."""
         if solver.force > 0.0 and solver.delta != self.start[0]:
             return step
@@ -251,7 +346,7 @@ class ToForce:
         # the force of a first contact grows as the power 3/2
         return float(step * ahead ** (-2.0 / 3.0 if solver.force == 0.0 else -1.0))
 
-    def found(self, solver: ContactSolver, target: float, stats: StepStats) -> Trial:
+    def _found(self, solver: ContactSolver, target: float, stats: StepStats) -> tuple[float, StepStats]:
         """The solve at `target`, or where it is beyond the end of the leg, one at the end; commits nothing."""
         beyond = solver.solved_force() - self.goal
         if self.goal == 0.0 or self.up * beyond <= self.close:
@@ -265,13 +360,13 @@ class ToForce:
         ends = (solver.delta, solver.force - self.goal), (target, beyond)
         return illinois(missing, *ends, self.close, TRIALS), stats
 
-    def after(self, at: Position, solver: ContactSolver, target: float, step: float) -> tuple[Position, float | None]:
-        """Position after the solve at `target`, and the approach of the one that follows in the leg.
+    def after(self, at: Position, solver: ContactSolver, trial: Trial) -> tuple[Position, float | None]:
+        """Position after a solve, and the approach of the one that follows in the leg.
 
         Raises:
             ConvergenceError: the force cannot be reached
         """
-        force = solver.solved_force()
+        force, target, step = solver.solved_force(), trial.delta, trial.step
         left = self.up * (self.goal - force)
         if self.goal > 0.0 and left <= self.close:
             return Position(at.leg + 1), None
@@ -302,7 +397,7 @@ class ToForce:
                 return k, left
         return self.steps, planned if self.goal > 0.0 else 0.0
 
-    def part(self, delta: float, force: float) -> float:
+    def part(self, at: Position, force: float) -> float:
         """Finished part, by the force."""
         way = self.goal - self.start[1]
         return min((force - self.start[1]) / way, 1.0) if way else 1.0
@@ -313,47 +408,55 @@ class ToForce:
         return done > int(snapshots * before / self.goal)
 
 
-def leg_of(solver: ContactSolver, schedule: Schedule, at: Position) -> ToApproach | ToForce:
+Leg = ToApproach | ToForceInTime | ToForce
+
+
+def leg_of(solver: ContactSolver, schedule: Schedule, at: Position) -> Leg:
     """The leg of a position."""
     branch, n = schedule.legs[at.leg]
     start, midpoint = at.start or (solver.delta, solver.force), schedule.integrator == MIDPOINT
-    if branch == "unload":
-        return ToForce(branch, start, schedule.unload_to * start[1], n, midpoint=False)
-    if schedule.delta_max is not None:
-        return ToApproach(branch, start, schedule.delta_max, n, tuple(schedule.stops()), midpoint)
-    assert schedule.force_max is not None
-    goal = schedule.force_max * solver.solid.material.reduced_modulus
-    return ToForce(branch, start, goal, n * schedule.substeps, midpoint)
+    by_force = branch == "unload" or schedule.delta_max is None
+    goal = schedule.delta_max or 0.0
+    if branch == "hold":
+        goal = start[by_force]
+    elif branch == "unload":
+        goal = schedule.unload_to * start[1]
+    elif schedule.force_max is not None:
+        goal = schedule.force_max * solver.solid.material.reduced_modulus
+    if by_force and schedule.duration is None:
+        unloads = branch == "unload"
+        return ToForce(branch, start, goal, n if unloads else n * schedule.substeps, midpoint and not unloads)
+    begins = sum(schedule.seconds(name) for name, _ in schedule.legs[: at.leg])
+    kind, stops = ToForceInTime if by_force else ToApproach, tuple(schedule.stops(branch))
+    return kind(branch, start, goal, n, stops, midpoint, begins, schedule.seconds(branch))
 
 
-def _advance(solver: ContactSolver, leg: ToApproach | ToForce, at: Position) -> tuple[StepStats, Position]:
+def _advance(solver: ContactSolver, leg: Leg, at: Position) -> tuple[StepStats, Position]:
     """Make one accepted step of a leg, cut where it does not converge; collective."""
-    if leg.goal == 0.0 and at.step == 0.0:
+    if leg.lifts(at):
+        solver.solid.kernels.dt = leg.duration * (1.0 - at.done)
         return _lift_off(solver), Position(at.leg + 1)
     step = at.step
-    while True:
-        target = leg.end(at, solver.delta, step)
-        stats = solver.solve(target)
-        if stats.converged and isinstance(leg, ToForce):
-            if (shorter := leg.shorter(solver, step)) < step:
-                step = shorter
-                continue
-            target, stats = leg.found(solver, target, stats)
-        if stats.converged:
-            break
+    while not (trial := leg.solve(solver, at, step)).stats.converged:
+        stats = trial.stats
         solver.counts.cutbacks += 1
-        made, step = abs(target - solver.delta), 0.5 * abs(target - solver.delta)
+        if solver.retract():
+            at = replace(at, history=solver.delta)
+        step = 0.5 * trial.length
         if step < at.shortest:
+            made = f"{abs(trial.delta - solver.delta):.2g} L"
+            made = f"{trial.length * leg.duration:.2g} s" if leg.duration else made
             raise ConvergenceError(
-                f"no convergence at delta/L = {target:.6g}{leg.where} ({stats.reason} after {stats.newton} Newton "
-                f"iterations) although the step was cut to {made:.2g} L; the curve up to delta/L = {solver.delta:.6g} "
+                f"no convergence at delta/L = {trial.delta:.6g}{leg.where} ({stats.reason} after {stats.newton} Newton "
+                f"iterations) although the step was cut to {made}; the curve up to delta/L = {solver.delta:.6g} "
                 f"is kept: {_advice(solver)}"
             )
-        logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
-    after, ahead = leg.after(at, solver, target, step)
-    extrapolation, history = midpoint_lead(at.history, target, ahead if leg.midpoint else None)
-    solver.commit(target, extrapolation)
-    return stats, replace(after, history=history)
+        log = logging.getLogger(__name__)
+        log.info("delta/L = %.6g: step cut to %.3g %s", solver.delta, step, "L" if leg.where else "of the leg")
+    after, ahead = leg.after(at, solver, trial)
+    extrapolation, history = midpoint_lead(at.history, trial.delta, ahead if leg.midpoint else None)
+    solver.commit(trial.delta, extrapolation)
+    return trial.stats, replace(after, history=history)
 
 
 def _advice(solver: ContactSolver) -> str:

@@ -10,7 +10,6 @@ Examples:
 
 from __future__ import annotations
 
-from asperity.reference.adhesion import pull_off, stickiness, tabor_parameter
 from asperity.reference.elastic import (
     Hertz,
     Westergaard,
@@ -19,8 +18,8 @@ from asperity.reference.elastic import (
     reduced_modulus,
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
-from asperity.reference.inertia import LONG_WAVES, radiation_loss
-from asperity.reference.leakage import transmissivity
+from asperity.reference.leakage import flow, transmissivity
+from asperity.reference.neglected import LONG_WAVES, pull_off, radiation_loss, stickiness, tabor_parameter
 
 __all__ = [
     "LONG_WAVES",
@@ -30,6 +29,7 @@ __all__ = [
     "RoughHalfSpace",
     "Westergaard",
     "block_modulus",
+    "flow",
     "half_space_contact",
     "patch_test_slope",
     "pull_off",

@@ -25,20 +25,35 @@ def transmissivity(gap: Array, periodic: bool = False) -> float:
         >>> round(asp.reference.transmissivity(gap), 6), round(2.0 / (1.0 + 1.0 / 8.0), 6)
         (1.777778, 1.777778)
     """
+    return float(flow(gap, periodic)[0].mean())
+
+
+def flow(gap: Array, periodic: bool = False) -> Floats:
+    """Flow in each cell along x and y (2, n, n), the means of its faces; args as in `transmissivity`.
+
+    The unit is that of the transmissivity, which is the mean of the flow along x over every column [length^3].
+    """
     n = len(gap)
-    cubed, cells = np.asarray(gap, dtype=float) ** 3, np.arange(n * n).reshape(n, n)
-    pairs = [(cells[:, :-1], cells[:, 1:]), (cells[:-1], cells[1:])]
-    if periodic:
-        pairs.append((cells[-1], cells[0]))
-    a, b = (np.concatenate([np.ravel(pair[i]) for pair in pairs]) for i in (0, 1))
-    sums = cubed.ravel()[a] + cubed.ravel()[b]
-    links = np.divide(2.0 * cubed.ravel()[a] * cubed.ravel()[b], sums, out=np.zeros(len(a)), where=sums > 0.0)
-    a, b = np.concatenate([a, cells[:, 0], cells[:, -1]]), np.concatenate([b, np.repeat([INLET, OUTLET], n)])
-    return network_flow(a, b, np.concatenate([links, 2.0 * cubed[:, 0], 2.0 * cubed[:, -1]]))
+    cells = np.arange(n * n).reshape(n, n)
+    with np.errstate(divide="ignore"):
+        resistance = np.asarray(gap, dtype=float) ** -3
+    across = np.pad(cells, ((0, 0), (1, 1)), constant_values=((0, 0), (INLET, OUTLET)))
+    of_half = np.pad(resistance, ((0, 0), (1, 1)))
+    along_x = 2.0 / (of_half[:, :-1] + of_half[:, 1:])
+    along_y = 2.0 / (np.roll(resistance, 1, axis=0) + resistance)
+    if not periodic:
+        along_y[0] = 0.0
+    first, second, links = (
+        np.concatenate([x.ravel(), y.ravel()])
+        for x, y in ((across[:, :-1], np.roll(cells, 1, axis=0)), (across[:, 1:], cells), (along_x, along_y))
+    )
+    x, y = np.split(n * network_flow(first, second, links), [along_x.size])
+    x, y = x.reshape(n, n + 1), y.reshape(n, n)
+    return 0.5 * np.stack([x[:, :-1] + x[:, 1:], y + np.roll(y, -1, axis=0)])
 
 
-def network_flow(first: Indices, second: Indices, conductance: Floats) -> float:
-    """Flow from INLET to OUTLET through the links of a network at a unit difference of the pressure.
+def network_flow(first: Indices, second: Indices, conductance: Floats) -> Floats:
+    """Flow through each link of a network (m,), from its first end to its second, at pressures 1 at INLET, 0 at OUTLET.
 
     Args:
         first, second: numbers of the places at the ends of each link, INLET and OUTLET among them (m,)
@@ -48,19 +63,21 @@ def network_flow(first: Indices, second: Indices, conductance: Floats) -> float:
     from scipy.sparse.csgraph import connected_components
     from scipy.sparse.linalg import splu
 
-    open_ = (conductance != 0.0) & (first != second)
+    through, open_ = np.zeros(len(first)), (conductance != 0.0) & (first != second)
     numbers, ends = np.unique(np.stack([first[open_], second[open_]]), return_inverse=True)
     if list(numbers[:2]) != [OUTLET, INLET]:
-        return 0.0
+        return through
+    a, b = ends.reshape(2, -1)
     outlet, inlet, n = 0, 1, len(numbers)
-    graph = sparse.coo_array((conductance[open_], tuple(ends.reshape(2, -1))), shape=(n, n)).tocsr()
+    graph = sparse.coo_array((conductance[open_], (a, b)), shape=(n, n)).tocsr()
     graph = graph + graph.T
     _, part = connected_components(graph, directed=False)
     if part[inlet] != part[outlet]:
-        return 0.0
+        return through
     matrix = sparse.csc_array(sparse.diags_array(graph.sum(axis=1)) - graph)
     inner, p = 2 + np.flatnonzero(part[2:] == part[inlet]), np.zeros(n)
     p[inlet] = 1.0
     if len(inner):
         p[inner] = splu(matrix[inner][:, inner]).solve(-(matrix[inner] @ p))  # its ordering MMD takes minutes
-    return float((matrix @ p)[inlet])
+    through[open_] = conductance[open_] * (p[a] - p[b])
+    return through

@@ -1,22 +1,15 @@
-"""Objects and values in one line, for a prompt and for messages; small pictures for notebooks."""
+"""Objects and values in one line, for a prompt and for messages."""
 
 from __future__ import annotations
 
-import base64
 import difflib
-import html
-import importlib
-import io
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from asperity.errors import CompatError
-
-SIZE = 3.6, 2.4  # of a picture [inches]
 LONGEST = 60  # of the text of a part
 
 
@@ -90,29 +83,3 @@ def nearest(name: str, legal: Iterable[str]) -> str:
     """' (did you mean ...?)' with the closest legal name, or an empty string."""
     close = difflib.get_close_matches(str(name), list(legal), n=1)
     return f' (did you mean "{close[0]}"?)' if close else ""
-
-
-def optional(name: str) -> Any:
-    """A package that asperity does not need itself.
-
-    Raises:
-        CompatError: it is not installed
-    """
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise CompatError(f"the package {name} is not installed: pip install {name}") from None
-
-
-def picture(caption: str, draw: Callable[[Any], object]) -> str:
-    """What a function draws into small axes of matplotlib, as a picture in HTML with a caption."""
-    from matplotlib.figure import Figure
-
-    figure, file = Figure(figsize=SIZE, layout="constrained"), io.BytesIO()
-    draw(figure.add_subplot())
-    figure.savefig(file, format="png")
-    data = base64.b64encode(file.getvalue()).decode()
-    return (
-        f'<figure style="margin:0"><img alt="" src="data:image/png;base64,{data}"/>'
-        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-    )

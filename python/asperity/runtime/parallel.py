@@ -1,16 +1,20 @@
-"""Work on rank 0, agreement between ranks, and a common end of all ranks with one message and one exit code."""
+"""Work on rank 0, agreement between ranks, and a common end of all ranks: by a signal, or with one message and code."""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
-from asperity.runtime.launch import started_ranks
+from asperity.runtime.launch import on_terminal, started_ranks
 from asperity.runtime.progress import tell
-from asperity.runtime.usage import count_alone
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -21,6 +25,8 @@ T = TypeVar("T")
 
 INTERNAL = 70  # exit code of an error that nobody has foreseen, EX_SOFTWARE of sysexits.h
 PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
+#: SIGUSR1 is the one that mpirun passes on to its ranks; SIGTERM and SIGINT it answers by killing them.
+SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
 class Ranks:
@@ -62,12 +68,50 @@ class Ranks:
         return int(worst[0])
 
 
+class StopRequest:
+    """Context in which the first SIGTERM, SIGINT or SIGUSR1 is only recorded; the next one ends the process at once.
+
+    It has no effect outside the main thread, where Python cannot handle signals.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self._comm = comm
+        self._noted = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> StopRequest:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {s: signal.signal(s, self._note) for s in SIGNALS}
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for s, handler in self._before.items():
+            signal.signal(s, signal.SIG_DFL if handler is None else handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._noted = number
+        for s in SIGNALS:
+            signal.signal(s, signal.SIG_DFL)
+        name = signal.Signals(number).name
+        if self._comm.rank == 0:  # the signal may have interrupted print(), which is not re-entrant
+            with suppress(OSError):  # the terminal may have gone
+                line = "\n" if on_terminal("stderr") else ""  # the live one
+                os.write(2, f"{line}{name}: the run ends after this step; a second signal ends it at once\n".encode())
+
+    def agreed(self) -> str:
+        """Name of the signal that some rank has received, empty if none; collective."""
+        from mpi4py import MPI
+
+        number = self._comm.allreduce(self._noted, op=MPI.MAX)
+        return signal.Signals(number).name if number else ""
+
+
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
     """Do work on rank 0 and keep its result there, None elsewhere; collective.
 
     Every rank raises the AsperityError of `work`, for an OSError an OutputError.
     """
-    result, error = _attempt(work, alone=True) if comm.rank == 0 else (None, None)
+    result, error = _attempt(work) if comm.rank == 0 else (None, None)
     if failure := comm.bcast(error, root=0):
         raise failure
     return result
@@ -82,7 +126,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
-    outcome = _attempt(work, alone=True) if comm is None or comm.rank == 0 else (None, None)
+    outcome = _attempt(work) if comm is None or comm.rank == 0 else (None, None)
     result, failure = outcome if comm is None else comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
@@ -98,26 +142,17 @@ def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], object]], near: bool = F
 
     places = comm.allgather(MPI.Get_processor_name())
     busy = [rank for rank, place in enumerate(places) if not near or place == places[0]]
-    since = time.perf_counter()
     failure = None
     if comm.rank in busy:
         for task in tasks[busy.index(comm.rank) :: len(busy)]:
             failure = failure or _attempt(task)[1]
-    spent = time.perf_counter() - since
-    spents, failures = zip(*comm.allgather((spent, failure)), strict=True)
-    if comm.rank == 0:
-        count_alone(max(spents) - sum(spents) / len(busy))
-    for error in failures:
-        if error is not None:
-            raise error
+    _raise_first(comm, failure)
 
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """Do the same work on every rank; the error of the lowest rank where it fails is raised on all, as by `on_root`."""
     result, failure = _attempt(work)
-    first = next((error for error in comm.allgather(failure) if error is not None), None)
-    if first is not None:
-        raise first
+    _raise_first(comm, failure)
     return cast(T, result)
 
 
@@ -132,18 +167,21 @@ def summed(comm: MPI.Comm, *values: float) -> Floats:
     return found
 
 
-def _attempt(work: Callable[[], T], alone: bool = False) -> tuple[T | None, AsperityError | None]:
-    """Result of `work` and None, or None and its error; whether other ranks wait for it."""
-    since = time.perf_counter()
+def _raise_first(comm: MPI.Comm, failure: AsperityError | None) -> None:
+    """Raise the error of the lowest rank that has one on all ranks; collective."""
+    for error in comm.allgather(failure):
+        if error is not None:
+            raise error
+
+
+def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
+    """Result of `work` and None, or None and its error."""
     try:
         return work(), None
     except AsperityError as error:
         return None, error
     except OSError as error:
         return None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
-    finally:
-        if alone:
-            count_alone(time.perf_counter() - since)
 
 
 def _print_error(message: str) -> None:

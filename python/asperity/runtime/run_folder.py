@@ -24,25 +24,18 @@ FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
     "surface", "curve", "indentation", "area", "pressure", "stiffness", "frequency", "response", "receptance", "motion",
-    "slip", "conductance", "leakage", "plasticity", "scene", "slip_map",
-)  # in figures, the last three of older versions # fmt: skip
-FIELD_PICTURES = ("surface", "pressure")  # the others consist of lines and are in .svg too
+    "slip", "conductance", "leakage", "flow",
+)  # in figures # fmt: skip
+FIELD_PICTURES = ("surface", "pressure", "flow")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
-EXPORTS = {
-    "calculix": "contact_calculix.inp",
-    "abaqus": "contact_abaqus.inp",
-    "ansys": "contact_ansys.inp",
-    "csv": "contact.csv",
-}
+EXPORTS = {"calculix": "contact_calculix.inp", "abaqus": "contact_abaqus.inp", "csv": "contact.csv"}
 LOCK = ".lock"  # of the process that works in the folder
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
-#: All files and folders that a run writes, folders after their files; without those of the checkpoint. A run of 1.0.0
-#: left band.csv, loops.csv and fields/view.py too.
+#: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, SLIP, SLIP_LOOPS, FREE, RESPONSE, MOTION, THRESHOLDS,
-    REPORT, "band.csv", "loops.csv",
-    *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, "view.py")), FIELDS,
+    REPORT, f"{FIELDS}/{TOP}", f"{FIELDS}/{VTKHDF}", FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),
     *(f"{FIGURES}/{name}.svg" for name in PICTURES if name not in FIELD_PICTURES), FIGURES,
     CASE,

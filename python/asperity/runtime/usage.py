@@ -1,4 +1,4 @@
-"""What a run takes: wall-clock time per phase, and of a job with its serial part; memory, and what is left of it."""
+"""What a run takes: wall-clock time of each phase, memory, and the memory that is left."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import resource
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -34,39 +33,6 @@ class Phases:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
             self.calls[name] = self.calls.get(name, 0) + 1
-
-
-@dataclass
-class Clock:
-    """Time of a job, and its serial part: on rank 0 what it worked while others waited, or would have; else 0 [s]."""
-
-    alone: float = 0.0
-    began: float = field(default_factory=time.perf_counter)
-
-    @property
-    def wall(self) -> float:
-        """Time since the job began [s]."""
-        return time.perf_counter() - self.began
-
-
-_clock: ContextVar[Clock | None] = ContextVar("clock", default=None)  # of the job under way
-
-
-@contextmanager
-def clocked() -> Iterator[Clock]:
-    """Measure the job in a with-block."""
-    clock = Clock()
-    token = _clock.set(clock)
-    try:
-        yield clock
-    finally:
-        _clock.reset(token)
-
-
-def count_alone(seconds: float) -> None:
-    """Add to the serial part of the job under way."""
-    if (clock := _clock.get()) is not None:
-        clock.alone += seconds
 
 
 def peak() -> int:

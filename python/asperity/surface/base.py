@@ -14,7 +14,7 @@ from pydantic import Field
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key
-from asperity.runtime.display import nearest, picture, short_repr, show
+from asperity.runtime.display import nearest, short_repr, show
 from asperity.surface.maximum import global_maximum
 from asperity.surface.spectrum import Spectrum, psd
 
@@ -251,14 +251,6 @@ class Surface(ABC):
         The share does not depend on the spectrum. A spike takes all of the approach.
         """
         return min(light_depth(self.heights, self.maximum()[2]), 0.1 * self.L)
-
-    def _repr_html_(self) -> str:
-        """Picture of the heights, for a notebook."""
-        z = self.grid(129)
-        caption = f"{self.kind or type(self).__name__}, side {self.L:.4g}, Sq {z.std():.3g}"
-        return picture(
-            caption, lambda axes: axes.imshow(z, cmap="cividis", origin="lower", extent=(0, self.L, 0, self.L))
-        )
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) over the patch (dimensionless)."""

@@ -17,6 +17,7 @@
     const x = new Float32Array(n * n), y = new Float32Array(n * n), depth = new Float32Array(n * n);
     const light = new Float32Array(n * n);
     const context = canvas.getContext("2d");
+    const { side, range } = canvas.dataset;
     let turn = 0.6, tilt = 0.75, waiting = false;
 
     function draw() {
@@ -25,7 +26,7 @@
       const height = Math.round(canvas.clientHeight * dots);
       canvas.width = width;
       canvas.height = height;
-      const size = Math.min(0.66 * width, 0.86 * height);
+      const size = Math.min(0.56 * width, 0.74 * height);
       const [c, s, ct, st] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
       for (let j = 0, k = 0; j < n; j++) {
         for (let i = 0; i < n; i++, k++) {
@@ -49,6 +50,32 @@
         }
       }
       context.putImageData(picture, 0, 0);
+      const at = (u, v, w) => [width / 2 + size * (u * c - v * s), height / 2 - size * ((v * c + u * s) * st + w * ct)];
+      const near = s < 0 ? 0.5 : -0.5, front = c < 0 ? 0.5 : -0.5; // u and v of the edges next to the viewer
+      const [u, v] = at(near, -front, 0)[0] < at(-near, front, 0)[0] ? [near, -front] : [-near, front];
+      context.strokeStyle = context.fillStyle = "#444";
+      context.font = `${13 * dots}px system-ui, sans-serif`;
+      context.textAlign = "center";
+      context.textBaseline = "middle";
+      arrow(at(-0.5, front, -relief / 2), at(0.5, front, -relief / 2), `x, ${side}`, 13 * dots);
+      arrow(at(near, -0.5, -relief / 2), at(near, 0.5, -relief / 2), `y, ${side}`, 13 * dots);
+      if (ct > 0.2) arrow(at(u, v, -relief / 2), at(u, v, relief / 2), range, 13 * dots);
+    }
+
+    // an arrow with a text beside it, away from the middle
+    function arrow([x0, y0], [x1, y1], text, letter) {
+      const long = Math.hypot(x1 - x0, y1 - y0), ex = (letter * (x1 - x0)) / long, ey = (letter * (y1 - y0)) / long;
+      const [mx, my, half] = [(x0 + x1) / 2, (y0 + y1) / 2, context.measureText(text).width / 2];
+      const out = (mx - canvas.width / 2) * ey < (my - canvas.height / 2) * ex ? -1 : 1;
+      context.beginPath();
+      context.moveTo(x0, y0);
+      context.lineTo(x1, y1);
+      context.lineTo(x1 - 0.6 * ex - 0.3 * ey, y1 - 0.6 * ey + 0.3 * ex);
+      context.moveTo(x1, y1);
+      context.lineTo(x1 - 0.6 * ex + 0.3 * ey, y1 - 0.6 * ey - 0.3 * ex);
+      context.stroke();
+      const beside = mx + out * ey * (0.6 + half / letter);
+      context.fillText(text, Math.min(Math.max(beside, half), canvas.width - half), my - out * ex);
     }
 
     function fill(picture, nearest, p, q, r) {
