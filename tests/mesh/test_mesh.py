@@ -237,7 +237,7 @@ DEFECTS: list[Any] = [
 def test_files_that_are_not_a_mesh_are_refused(coarse: BlockMesh, tmp_path: Path, defect: Any) -> None:
     """Missing, of another kind, cut off; or each for one array, without which the mesh is read."""
     path = tmp_path / "block.npz"
-    arrays = coarse.arrays() | {"smoothing": np.zeros(len(coarse.points))}
+    arrays: dict[str, Any] = coarse.arrays() | {"smoothing": np.zeros(len(coarse.points))}
     if defect is not None:
         np.savez(path, **arrays)
         assert BlockMesh.read(path).smoothing is not None

@@ -150,6 +150,33 @@ def test_a_file_without_a_meaning_or_with_two_is_refused(tmp_path: Path, content
         HeightField.read(tmp_path / "gone.npz")
 
 
+SQUARE, BENT = Z[:, :NY], np.where(np.arange(NY) == 3, Y + 0.3 * STEP, Y)  # one irregular step
+NO_PATCH: list[tuple[dict[str, Any], float | None]] = [
+    ({"z": SQUARE}, None), ({"z": SQUARE, "L": -1.0}, None), ({"z": SQUARE, "x": Y, "y": Y}, 2.0),
+    ({"h": SQUARE, "g": SQUARE}, 4.5), ({"z": Z[:3, :3], "L": 1.0}, None), ({"z": Z[0], "L": 1.0}, None),
+    ({"z": np.where(SQUARE > 1.0, np.nan, SQUARE), "L": 4.5}, None), ({"z": SQUARE, "x": BENT, "y": Y}, None),
+    ({"z": SQUARE, "x": Y, "y": 2 * Y}, None), ({"z": Z.T, "x": X, "y": Y}, None), ({"z": Z, "L": 1.0}, None),
+    ({"z": SQUARE, "L": [1.0, 2.0]}, None), ({"z": 1e3 * SQUARE, "L": 4.5}, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arrays", "side"), NO_PATCH, ids=range(len(NO_PATCH)))
+def test_arrays_that_are_no_square_patch_are_refused(
+    tmp_path: Path, arrays: dict[str, Any], side: float | None
+) -> None:
+    """Each for one reason, without which it is read."""
+    path, given = tmp_path / "map.npz", {} if side is None else {"L": side}
+    np.savez(path, z=SQUARE, x=Y, y=Y)
+    assert HeightMap(path=path, L=4.5).L == HeightMap(path=path).L == 4.5
+    np.savez(path, **arrays)
+    with pytest.raises(InputError, match=r"map\.npz: |surface\.L") as caught:
+        HeightMap(path=path, **given)
+    assert "\n" not in str(caught.value)
+    for other, words in ((tmp_path / "map.tif", "import-map makes a surface"), (None, "surface.path = None must be")):
+        with pytest.raises(InputError, match=words):
+            HeightMap(path=other, L=1.0)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     "content",
     [

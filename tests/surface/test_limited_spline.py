@@ -83,17 +83,6 @@ def test_a_smooth_map_keeps_its_spline(z: Array) -> None:
     assert np.allclose(surface.grid(n), cubic(z, n), rtol=0.0, atol=1e-15)
 
 
-def test_derivatives_moments_and_bounds_of_limited_slopes() -> None:
-    """Against differences and sums on a fine grid."""
-    surface, n = HeightMap.of(dimpled(), 1.0), 16 * (N - 1) + 1
-    z, (zx, zy) = surface.grid(n), surface.grid_gradient(n)
-    middle_x, middle_y = (zx[:, 1:] + zx[:, :-1]) / 2, (zy[1:] + zy[:-1]) / 2
-    assert np.abs(np.diff(z, axis=1) * (n - 1) - middle_x).max() < 1e-2 * np.abs(zx).max()
-    assert np.abs(np.diff(z, axis=0) * (n - 1) - middle_y).max() < 1e-2 * np.abs(zy).max()
-    assert surface.mean() == pytest.approx(float(z.mean()), rel=5e-3)
-    assert surface.curvature_bound() >= max(float(np.abs(h).max()) for h in surface.grid_hessian(n))
-
-
 def test_contact_of_a_plateau_with_dimples_is_that_of_its_samples() -> None:
     """Pressed, the plateau is in contact and the dimples are not: half-space on the surface and on its samples."""
     z, delta = dimpled(), [2e-5]
