@@ -29,11 +29,11 @@ __all__ = [
 
 
 _STATIC = (
-    "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
+    "The displacement u is in units of the static approach zₛ; small vibration has the frequency ωₛ and stiffness kₙ."
 )
 _FORCE = (
-    "The amplitude F̂ of the excitation is that of the force over kₙ zₛ, that of the base over zₛ, or that of the "
-    "acceleration of the base over ωₛ² zₛ; the static load is W."
+    "The amplitude F̂ of the excitation is in units of kₙ zₛ for a force, of zₛ for a motion of the base, of ωₛ² zₛ for "
+    "an acceleration of the base; the static load is W."
 )
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {
