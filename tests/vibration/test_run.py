@@ -32,7 +32,7 @@ MINIMAL: dict[str, Any] = {
 def test_run_writes_its_files_and_figures(tmp_path) -> None:
     law, out = PowerLaw(1.5, 2.0), tmp_path / "out"
     result = run_dynamics(law, zeta=0.2, forcing=[0.02, 0.04], omega=(0.9, 1.1), preload=3.0, out_dir=out)
-    figures = {path.name for path in plot_dynamics(result, tmp_path)}
+    figures = {path.name for path in plot_dynamics(out)}
     assert figures == {f"{name}.svg" for name in ("frequency", "response", "receptance")}
     with (out / "free.csv").open() as file:
         assert {row["model"] for row in csv.DictReader(file)} == {"exact", "taylor"}
@@ -258,4 +258,5 @@ def test_figures_without_a_stable_or_a_physical_orbit(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         for result in (both, series):
-            assert plot_dynamics(result, tmp_path)
+            result.write(tmp_path)
+            assert plot_dynamics(tmp_path)
