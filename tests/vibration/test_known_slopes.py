@@ -12,7 +12,7 @@ import asperity as asp
 from asperity.case import Case
 from asperity.errors import AsperityWarning, InputError
 from asperity.output.results import Results
-from asperity.plot.vibration import columns_of, response
+from asperity.plot.vibration import response
 from asperity.vibration import CurveLaw, DynamicsSettings, PowerLaw, law_from, run_dynamics
 from asperity.vibration.law import bar_of
 from asperity.vibration.numbers import Numbers
@@ -134,7 +134,9 @@ def test_the_figure_shades_what_the_bar_of_the_stiffness_makes_of_the_stable_res
     o = asp.ContactOscillator(PowerLaw(1.5), load=1.0, zeta=0.01)
     r = o.response(0.02, (0.7, 1.35))
     thresholds = {"numbers": {"k_n_bar": 0.03}}
-    results = Results(Path(), asp.Curve.from_rows([]), response=columns_of(r.rows()), thresholds=thresholds)
+    rows = list(r.rows())
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    results = Results(Path(), asp.Curve.from_rows([]), response=columns, thresholds=thresholds)
     shaded = [patch.get_path() for patch in response(results).axes[0].patches]
     for stiffer in (0.975, 1.0, 1.025):
         one = asp.ContactOscillator(PowerLaw(1.5, stiffer**1.5), load=1.0, zeta=0.01)
