@@ -72,7 +72,7 @@ def dynamics(
     if output:
         from asperity.plot import plot_dynamics
 
-        plot_dynamics(result, output)
+        plot_dynamics(output)
     if as_json:
         options.print_json(result.to_dict())
         return

@@ -94,7 +94,6 @@ FRICTION = {
 #: CalculiX 2.20 overflows an array of its contact elements beyond 40 rows, and its table ends at constant pressure: a
 #: last row continues the slope up to BEYOND times the greatest pressure.
 MOST, WIDEST, BEYOND = 38, 50.0, 10.0
-PAIR = "CalculiX: contact pair of TYPE=NODE TO SURFACE, its surface to surface contact finds no force from a table"
 
 
 def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
@@ -213,22 +212,20 @@ def _text(whole: Interface, to: str) -> str:
     z, p, k = table.approach, table.pressure, table.k_n
     secant = np.diff(p) / np.diff(z)
     off = max(float(np.abs(secant / slopes - 1.0).max()) for slopes in (k[:-1], k[1:]))
-    about, friction = [*whole.about, *([PAIR] if deck else [])], ""
+    about, friction = [*whole.about], ""
     about.append(
         f"read linearly between {z.size} points, the pressure is off the law by up to {per_cent(error)}, the stiffness "
         f"by up to {per_cent(off)}"
     )
+    if deck:
+        about.append("CalculiX: contact pair of TYPE=NODE TO SURFACE, surface to surface contact finds no force in it")
+        z = np.append(z, z[-1] + (BEYOND - 1.0) * p[-1] / k[-1])
+        p, k = np.append(p, BEYOND * p[-1]), np.append(k, k[-1])
     if deck and whole.slip is not None:
         mu, pressure = whole.slip.friction, whole.slip.preload / whole.patch
         stick = float(whole.slip.k_tangent(0.0)) / whole.patch
         friction = FRICTION[to].format(mu=mu, stick=stick, slip=mu * pressure / stick)
         about.append(f"stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}")
-    if deck:
-        z, p, k = (
-            np.append(z, z[-1] + (BEYOND - 1.0) * p[-1] / k[-1]),
-            np.append(p, BEYOND * p[-1]),
-            np.append(k, k[-1]),
-        )
     head = "\n".join(f"{mark} {line}" for words in about for line in wrap(comment(words), _WIDTH))
     points = zip(z.tolist(), p.tolist(), k.tolist(), strict=True)
     rows = "\n".join(row.format(z=at, p=value, k=slope) for at, value, slope in points)

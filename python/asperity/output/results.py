@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -60,18 +60,23 @@ class Results:
     __repr__ = short_repr
 
     @classmethod
-    def read(cls, folder: str | Path, surface: Surface | None = None) -> Results:
-        """Read the folder of a run; a surface that exists already avoids a second search for its summit.
+    def read(cls, folder: str | Path, surface: Surface | None = None, *, parts: Iterable[str] = ()) -> Results:
+        """Read the folder of a run.
+
+        Args:
+            folder: of the run
+            surface: of the case, where it exists already: its summit is not searched again
+            parts: names of attributes, in place of all; then there need be no curve
 
         Raises:
             InputError: curve.csv is missing, or a file cannot be read
         """
         folder = Path(folder)
-        if not (folder / run_folder.CURVE).is_file():
+        if not parts and not (folder / run_folder.CURVE).is_file():
             raise InputError(f"{folder} holds no curve.csv; give the folder of a run")
-        found = {}
+        found: dict[str, Any] = {"curve": Curve.from_rows([])}
         for attribute, (name, reader) in _FILES.items():
-            if (folder / name).is_file():
+            if (folder / name).is_file() and (not parts or attribute in parts):
                 try:
                     found[attribute] = reader(folder / name)
                 except UNREADABLE as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,11 +14,8 @@ from asperity.plot.curves import conductance, force_curve, indentation, leakage,
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
-from asperity.plot.vibration import frequency, motion, receptance, response, results_of
+from asperity.plot.vibration import frequency, motion, receptance, response
 from asperity.runtime.run_folder import FIGURES, refuse_links
-
-if TYPE_CHECKING:
-    from asperity.vibration import Dynamics
 
 __all__ = [
     "CAPTIONS", "conductance", "contact_area", "flow_maps", "force_curve", "frequency", "indentation", "leakage",
@@ -29,11 +25,11 @@ __all__ = [
 
 
 _STATIC = (
-    "The displacement u is over the static approach zₛ; small vibration has the frequency ωₛ and the stiffness kₙ."
+    "The displacement u is in units of the static approach zₛ; small vibration has the frequency ωₛ and stiffness kₙ."
 )
 _FORCE = (
-    "The amplitude F̂ of the excitation is that of the force over kₙ zₛ, that of the base over zₛ, or that of the "
-    "acceleration of the base over ωₛ² zₛ; the static load is W."
+    "The amplitude F̂ of the excitation is in units of kₙ zₛ for a force, of zₛ for a motion of the base, of ωₛ² zₛ for "
+    "an acceleration of the base; the static load is W."
 )
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {
@@ -93,9 +89,9 @@ def draw(results: Results, name: str) -> Path:
         raise
 
 
-def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
-    """Draw the figures of a result of `run_dynamics` into a folder, and return the files written."""
-    results = results_of(result)
+def plot_dynamics(folder: str | Path) -> list[Path]:
+    """Draw the figures of the tables that `run_dynamics` has left in a folder beside them, and return the files."""
+    results = Results.read(folder, parts=("free", "response", "motion", "thresholds"))
     return [save_in(Path(folder), name, make(results)) for name, make in figures_of(results).items()]
 
 

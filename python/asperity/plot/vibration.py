@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path as Folder
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,13 +13,9 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.curve import Curve
 from asperity.output.results import Columns, Results
 from asperity.plot import style
 from asperity.units import prefix, quantity
-
-if TYPE_CHECKING:
-    from asperity.vibration.run import Dynamics
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
@@ -263,23 +258,6 @@ def motion(results: Results) -> Figure:
     axes[0].legend(loc="best", ncols=2)
     axes[-1].set_xlabel(text)
     return figure
-
-
-def results_of(found: Dynamics) -> Results:
-    """A result of `run_dynamics` as `Results.read` reads it from a folder."""
-    responses = [r for many in found.responses.values() for r in many]
-    return Results(
-        Folder(), Curve.from_rows([]), thresholds=found.to_dict(),
-        free=columns_of(row for free in found.free.values() for row in free.rows()),
-        response=columns_of(row for r in responses for row in r.rows()),
-        motion=columns_of(found.moved()),
-    )  # fmt: skip
-
-
-def columns_of(rows: Iterable[Mapping[str, Any]]) -> Columns:
-    """Rows as columns."""
-    listed = list(rows)
-    return {name: np.array([row[name] for row in listed]) for name in listed[0]} if listed else {}
 
 
 def where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
