@@ -169,7 +169,7 @@ def test_after_the_loading_a_gap_is_moved_and_an_area_multiplied_as_at_its_end()
     gap, area = (with_measure(curve, name, *limits) for name in ("mean_gap", "area_fraction"))
     np.testing.assert_allclose(gap.mean_gap[2:], values[2:] + 0.3 * values[2])
     np.testing.assert_allclose(area.area_fraction, by * values)
-    np.testing.assert_allclose([gap.error_mean_gap, area.error_area_fraction], 0.001)
+    np.testing.assert_allclose([gap.error_mean_gap[:3], area.error_area_fraction[:3]], 0.001)
 
 
 def test_on_unloading_the_bar_of_a_stiffness_holds_that_of_the_force() -> None:
