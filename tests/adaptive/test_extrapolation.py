@@ -16,6 +16,7 @@ from asperity.adaptive.extrapolation import (
     PressedMesh,
     at_given_forces,
     correct,
+    with_measure,
     without_omission,
 )
 from asperity.adaptive.guide import Omission
@@ -160,6 +161,16 @@ def test_half_of_what_a_top_leaves_out_is_taken(sharp: float) -> None:
     np.testing.assert_allclose(found.area_fraction, 0.12 if sharp == 0.0 else 0.1)
     np.testing.assert_allclose(found.error_area_fraction, np.hypot(0.02 * found.area_fraction, 0.02))
     np.testing.assert_allclose(found.mean_gap, 0.01 - 0.5 * 0.1 * curve.P_star)
+
+
+def test_after_the_loading_a_gap_is_moved_and_an_area_multiplied_as_at_its_end() -> None:
+    values, by = np.array([1.0, 2.0, 3.0, 2.5, 2.2, 1.0]), np.array([1.0, 1.2, 1.3, 1.3, 1.3, 1.3])
+    curve = replace(power(2.0, ("load", "unload"), error_P_star=0.0), mean_gap=values, area_fraction=values)
+    limits = (by * values)[:3], np.full(3, 0.001)
+    gap, area = (with_measure(curve, name, *limits) for name in ("mean_gap", "area_fraction"))
+    np.testing.assert_allclose(gap.mean_gap[2:], values[2:] + 0.3 * values[2])
+    np.testing.assert_allclose(area.area_fraction, by * values)
+    np.testing.assert_allclose([gap.error_mean_gap[:3], area.error_area_fraction[:3]], 0.001)
 
 
 def test_on_unloading_the_bar_of_a_stiffness_holds_that_of_the_force() -> None:

@@ -83,3 +83,20 @@ def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
 def test_few_planned_steps_are_divided_until_their_bars_support_each_other(steps: int, solved: int) -> None:
     """The difference of two meshes at one approach may vanish by chance, and with it the bar."""
     assert planned_steps(steps) == solved
+
+
+def test_rows_that_are_not_judged_move_no_judged_one() -> None:
+    fine, judged = np.full(9, 2.0), np.arange(9) > 1
+    coarse = fine * np.where(judged, 1.02, 1.5)
+    found, alone = (limit_of_meshes(coarse[of], fine[of], 2.0, judged=judged[of]) for of in (slice(None), judged))
+    for with_others, without in zip(found, alone, strict=True):
+        np.testing.assert_allclose(with_others[judged], without)
+
+
+def test_half_of_what_moves_the_edge_stays_in_the_bar() -> None:
+    """Both meshes show a part of 0.4 that is missing, with hardly a scatter."""
+    area, edges, chance = np.full(9, 0.3), [np.full(9, 0.2), np.full(9, 0.1)], 2 * [np.full(9, 1e-4)]
+    areas = [area - 0.4 * x for x in edges]
+    factor, bar = limit_of_area(areas, edges, chance, np.zeros(9), np.ones(9, dtype=bool))
+    np.testing.assert_allclose(areas[1] * factor, area, rtol=1e-3)
+    np.testing.assert_allclose(bar * areas[1], 0.5 * 0.4 * edges[1], rtol=1e-2)

@@ -10,7 +10,7 @@ import pytest
 from conftest import PLASTIC
 
 import asperity as asp
-from asperity.adaptive.load_step_error import STICK, choose_substeps, step_errors
+from asperity.adaptive.load_step_error import STICK, LoadStepError, choose_substeps, step_errors
 from asperity.adaptive.loading import loading_force
 from asperity.curve import Curve
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
@@ -51,6 +51,21 @@ def test_the_bar_holds_for_the_order_that_three_runs_measure(rule: str, order: f
     forces = {n: LIMIT * (1.0 - error / n**order) for n in (1, 2, 4)}
     assert left_over_bar(forces, rule, measured=True) < 1.02
     assert order > 0.5 or left_over_bar(forces, rule) > 1.2
+
+
+def test_a_curve_is_corrected_for_its_own_parts_and_after_the_loading_as_at_its_end() -> None:
+    at, errors = np.array([1.0, 2.0, 4.0]), {1: np.array([0.04, 0.02, 0.01]), 2: np.zeros(3)}
+    path = LoadStepError(2, at, errors, errors)
+    delta, names = np.array([1.0, 3.0, 4.0, 3.0]), ["load", "load", "load", "unload"]
+    rows = [
+        {"delta": d, "delta_star": d, "force": f, "P_star": f, "branch": name}
+        for d, f, name in zip(delta, [1.04, 1.015, 1.01, 0.505], names, strict=True)
+    ]
+    curve = Curve.from_rows(rows)
+    np.testing.assert_allclose(path.removed(curve, 1).P_star, [1.0, 1.0, 1.0, 0.5])
+    np.testing.assert_allclose(path.removed(curve, 2).force, curve.force)
+    np.testing.assert_allclose(LoadStepError().removed(curve, 1).force, curve.force)
+    np.testing.assert_allclose(path.left(delta, 1), [0.04, 0.015, 0.01, 0.015])
 
 
 def test_runs_that_agree_by_chance_or_differ_more_and_more_have_a_bar() -> None:

@@ -50,7 +50,12 @@ def distributed(comm: MPI.Comm, surface: Surface, block: BlockMesh | None, sides
     Raises:
         MeshError: the block is another surface's, its sides do not fit, or an element is turned inside out
     """
-    on_root(comm, lambda: block and block.check(surface))
+
+    def check() -> None:
+        if block is not None:
+            block.check(surface)
+
+    on_root(comm, check)
     mesh, tags = distribute(comm, block, 1.0 / surface.L, sides == "periodic")
     check_distortion(mesh, surface)
     return mesh, tags
