@@ -12,6 +12,8 @@ import sysconfig
 import tarfile
 import tomllib
 import zipfile
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -45,21 +47,21 @@ def test_the_changelog_begins_with_the_version_and_its_day() -> None:
     assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= kinds
 
 
+def started(environ: Mapping[str, str], folder: Path, *command: str | Path, code: int = 0) -> str:
+    """What a command prints, which must end with an exit code."""
+    done = subprocess.run(command, cwd=folder, env=environ, capture_output=True, text=True, timeout=1800, check=False)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
 @pytest.mark.slow
 @in_a_clone
 def test_sdist_and_wheel_are_built_and_work(tmp_path: Path) -> None:
     """The sdist from the clone, the wheel from the sdist, installed where the clone is out of sight."""
     environ = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "ASPERITY_ENTERED")}
-
-    def call(*command: str | Path, folder: Path = tmp_path) -> str:
-        done = subprocess.run(
-            command, cwd=folder, env=environ, capture_output=True, text=True, timeout=900, check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
-
+    call = partial(started, environ, tmp_path)
     build = f"from scikit_build_core.build import build_sdist; build_sdist({str(tmp_path)!r})"
-    call(sys.executable, "-c", build, folder=ROOT)
+    started(environ, ROOT, sys.executable, "-c", build)
     (sdist,) = tmp_path.glob("asperity-*.tar.gz")
     with tarfile.open(sdist) as archive:
         held = {name.partition("/")[2] for name in archive.getnames()}
@@ -93,13 +95,7 @@ def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
     environ = {name: value for name, value in os.environ.items() if name.startswith(kept)}
     environ |= {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "OMP_NUM_THREADS": "1"}
 
-    def call(*command: str | Path, code: int = 0) -> str:
-        done = subprocess.run(
-            command, cwd=tmp_path, env=environ, capture_output=True, text=True, timeout=1800, check=False
-        )
-        assert done.returncode == code, done.stdout + done.stderr
-        return done.stdout + done.stderr
-
+    call = partial(started, environ, tmp_path)
     subprocess.run([ROOT / ".ci/wheel", tmp_path / "dist"], check=True, timeout=1800)
     (wheel,) = (tmp_path / "dist").glob("*.whl")
     assert re.fullmatch(rf"asperity-{asperity.__version__}-cp312-abi3-manylinux_2_34_\w+\.whl", wheel.name)

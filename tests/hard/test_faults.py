@@ -107,7 +107,7 @@ def test_killed_runs_continue_without_a_difference(case: Path, tmp_path: Path, r
         process = start(command)
         wait_for_steps(out, min(len(straight), random.integers(saved, saved + 3)) if kills < 5 else 0)
         try:
-            _, err = process.communicate(timeout=random.uniform(0.0, 1.0) if kills < 5 else 300.0)
+            _, err = process.communicate(timeout=random.uniform(0.0, 0.3) if kills < 5 else 300.0)
             break
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
