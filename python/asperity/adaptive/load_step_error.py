@@ -140,8 +140,8 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
         errors, bars = step_errors(P, rule, measured)
         if time.size:
             others, more = step_errors(H, rule, measured)
-            for k, bar in bars.items():
-                bar[-1] = max(bar[-1], float(np.max(np.abs(others[k] - errors[k][-1]) + more[k])))
+            for k, of_end in bars.items():
+                of_end[-1] = max(of_end[-1], float(np.max(np.abs(others[k] - errors[k][-1]) + more[k])))
         left = {k: float(np.max(bar)) for k, bar in bars.items()}
         enough = next((k for k in sorted(left) if left[k] < MARGIN * tolerance), 0)
         needed = n * (left[n] / (MARGIN * tolerance)) ** (1.0 / STEP_RULES[rule][0])

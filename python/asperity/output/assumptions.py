@@ -181,10 +181,10 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
             warns=True,
         )  # fmt: skip
     elif not material.finite:
-        what = "plastic" if material.plastic else "equivalent"
+        what = "plastic" if material.flows else "equivalent"
         yield Assumption(
             f"small strain: greatest {what} strain",
-            run.greatest("max_plastic_strain" if material.plastic else "max_strain"), SMALL_STRAIN, "",
+            run.greatest("max_plastic_strain" if material.flows else "max_strain"), SMALL_STRAIN, "",
             "e and ln(1 + e) differ by 5 % at 0.1", advice, detail, warns=True,
         )  # fmt: skip
     if not material.plastic and material.law is None and material.nu <= MOST_OF_METALS:
@@ -207,7 +207,7 @@ def _resolution(run: Evidence) -> Iterator[Assumption]:
             "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
             "half-space estimate with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off",
         )  # fmt: skip
-    elif run.h is not None and material.plastic and not material.relaxes:
+    elif run.h is not None and material.flows and not material.relaxes:
         yield Assumption(
             "locking: force by a law whose cells keep their volume where they flow",
             LOCKING * run.h / surface.L, 100 * ONE_MESH, "% of the force",

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_maps
-from asperity.plot.curves import conductance, force_curve, indentation, leakage, stiffness
+from asperity.plot.curves import conductance, force_curve, indentation, leakage, over_time, stiffness
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "indentation", "leakage", "motion",
-    "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
+    "over_time", "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
 
@@ -41,6 +41,7 @@ CAPTIONS = {
     "conductance": "Conductance per nominal area over the nominal pressure.",
     "leakage": "(a) Transmissivity of the gap over the load; a dotted line marks the last load with an open channel. "
     "(b) Mean gap and hydraulic aperture.",
+    "time": "(a) Contact area, (b) load and (c) approach over time.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
@@ -106,6 +107,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "leakage": (bool(np.any(results.curve.transmissivity_x + results.curve.transmissivity_y > 0)), leakage),
+        "time": (bool(np.any(results.curve.time > 0)), over_time),
         "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),

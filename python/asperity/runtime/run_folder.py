@@ -24,7 +24,7 @@ FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
     "surface", "curve", "indentation", "area", "pressure", "stiffness", "frequency", "response", "receptance", "motion",
-    "slip", "conductance", "leakage", "plasticity", "scene", "slip_map",
+    "slip", "conductance", "leakage", "time", "plasticity", "scene", "slip_map",
 )  # in figures, the last three of older versions # fmt: skip
 FIELD_PICTURES = ("surface", "pressure")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
