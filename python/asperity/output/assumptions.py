@@ -137,7 +137,7 @@ class Evidence:
     @property
     def top(self) -> int:
         """Row of the greatest force."""
-        return int(self.curve.force.argmax())
+        return self.curve.top
 
     @property
     def contact_radius(self) -> float:
