@@ -43,6 +43,7 @@ OF_PAGES = {name: ("tutorials/vibration", f"out/demo/figures/{name}") for name i
     "tutorial_scan.png": ("measured", "out/scan/surface.png"),
     "tutorial_leakage.png": ("tutorials/leakage", "out/pressed/figures/flow.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),
+    "creep.svg": ("tutorials/creep", "out/creep/figures/time.svg"),
 }  # fmt: skip
 NAMES = ("peers", *(Path(name).stem for name in OF_PAGES))
 Rows = list[list[str]]

@@ -23,7 +23,7 @@ from asperity.quasistatic.newton import NewtonSolver
 NU, TAU, SHARE = 0.3, 5.0, 0.7
 MU, BULK = 1.0 / (2.0 * (1.0 + NU)), 1.0 / (3.0 * (1.0 - 2.0 * NU))
 MAXWELL = asp.Material.of_law("maxwell", E=1.0, nu=NU, relaxation_time=TAU, share=SHARE)
-FLOW = {"E": 1.0, "nu": NU, "yield_strength": 0.005, "tangent_modulus": 0.05}
+FLOW: dict[str, Any] = {"E": 1.0, "nu": NU, "yield_strength": 0.005, "tangent_modulus": 0.05}
 CREEP: dict[str, Any] = {"steps": 2, "duration": 1.0, "hold": 40.0, "hold_steps": 4}
 
 
@@ -86,7 +86,7 @@ def test_overstress_at_a_constant_rate() -> None:
 
 
 def test_fast_and_slow_limits_on_a_rough_surface(rough: asp.Surface, coarse: BlockMesh) -> None:
-    def force(material: asp.Material, **time: float) -> float:
+    def force(material: asp.Material, **time: Any) -> float:
         more: dict[str, Any] = {"integrator": "backward-euler"} if material.yield_strength and not time else {}
         found = asp.solve_contact(rough, material, delta_max=0.02, steps=4, block=coarse, **time, **more)
         return float(found.curve.force[-1])
@@ -104,7 +104,7 @@ def test_a_rough_surface_relaxes_to_the_slow_limit(rough: asp.Surface, coarse: B
     nu = (3.0 * BULK - 2.0 * left) / (6.0 * BULK + 2.0 * left)
     soft = asp.Material(2.0 * left * (1.0 + nu), nu)
     expected = asp.solve_contact(rough, soft, delta_max=0.02, steps=2, block=coarse).curve
-    long = CREEP | {"hold": 500.0, "hold_steps": 10}
+    long: dict[str, Any] = CREEP | {"hold": 500.0, "hold_steps": 10}
     found = asp.solve_contact(rough, MAXWELL, delta_max=0.02, block=coarse, **long).curve
     hold = found.branch == "hold"
     assert np.all(np.diff(found.force[hold]) < 0.0) and found.force[~hold][-1] > 1.5 * found.force[-1]
@@ -122,7 +122,8 @@ def test_a_solid_that_returns_more_work_than_was_put_in_is_refused(cube: BlockMe
         return (1.0 + rate * age) * asp.laws.hooke(strain, E, nu), {"age": age}
 
     def press(material: asp.Material) -> Any:
-        flat, path = asp.Surface.from_spec("flat", L=1.0), {"steps": 4, "unload_steps": 4, "duration": 1.0, "hold": 1.0}
+        path: dict[str, Any] = {"steps": 4, "unload_steps": 4, "duration": 1.0, "hold": 1.0}
+        flat = asp.Surface.from_spec("flat", L=1.0)
         return asp.solve_contact(flat, material, delta_max=0.01, block=cube, **path)
 
     checks = press(MAXWELL).checks
@@ -150,7 +151,7 @@ def test_a_held_force_creeps_and_unloads(rough: asp.Surface, coarse: BlockMesh) 
     ids=["maxwell to a force", "perzyna to an approach"],
 )
 def test_a_restart_inside_a_hold_changes_nothing_on_any_ranks(
-    rough: asp.Surface, coarse: BlockMesh | None, shared_path: Path, material: asp.Material, load: dict[str, float]
+    rough: asp.Surface, coarse: BlockMesh | None, shared_path: Path, material: asp.Material, load: dict[str, Any]
 ) -> None:
     """On one rank to the last bit; on two the curve of one rank too."""
     whole = world().bcast(coarse)

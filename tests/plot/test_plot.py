@@ -65,6 +65,7 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
         "receptance",
         "slip",
         "stiffness",
+        "time",
     }
     assert {path.stem for path in written} >= set(CAPTIONS) - other
     starts = {".png": b"\x89PNG", ".svg": b"<?xml"}

@@ -17,6 +17,7 @@ from asperity.adaptive.loading import judged_rows, loading_force, scaled
 from asperity.adaptive.meshes import LevelSolver
 from asperity.arrays import Floats
 from asperity.curve import Curve
+from asperity.curve.slope import SINGLE_CONTACT
 from asperity.laws import shipped
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.problem import Problem
@@ -113,12 +114,19 @@ def step_errors(
     return errors, bars
 
 
+def held(curve: Curve, time: Floats) -> Floats:
+    """P* at times of holds, at a given approach (m,): a force that is held is the less, the farther the flat creeps."""
+    hold = curve.where(curve.branch == "hold")
+    return np.interp(time, hold.time, hold.P_star / hold.delta_star**SINGLE_CONTACT) if time.size else time
+
+
 def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
     The mesh is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last runs. What is found
     corrects other meshes as well. Where by the order of the rule more than MOST_SUBSTEPS would be needed, or runs
-    differ by chance, the parts with the least bar are chosen, and `refine` asks for more steps.
+    differ by chance, the parts with the least bar are chosen, and `refine` asks for more steps. A hold is corrected as
+    the end of the loading before, whose bar covers the error that is left of the hold.
 
     Returns:
         the result with the most parts, at least two, and the error. If the greatest number of dofs allows no mesh that
@@ -135,14 +143,20 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
     judged = judged_rows(result.curve, run.problem.load_path.steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
     P, n, before = {1: loading_force(result.curve, at)}, 1, inf
+    time = result.curve.time[result.curve.branch == "hold"]
+    H = {1: held(result.curve, time)}
     while True:
         n *= 2
         del result
         result = run.press(n)
-        P[n] = loading_force(result.curve, at)
+        P[n], H[n] = loading_force(result.curve, at), held(result.curve, time)
         if measured and n == 2:
             continue
         errors, bars = step_errors(P, rule, measured)
+        if time.size:
+            others, more = step_errors(H, rule, measured)
+            for k, of_end in bars.items():
+                of_end[-1] = max(of_end[-1], float(np.max(np.abs(others[k] - errors[k][-1]) + more[k])))
         left = {k: float(np.max(bar)) for k, bar in bars.items()}
         enough = next((k for k in sorted(left) if left[k] < MARGIN * tolerance), 0)
         needed = n * (left[n] / (MARGIN * tolerance)) ** (1.0 / STEP_RULES[rule][0])

@@ -239,6 +239,11 @@ class Curve:
         value, error = float(getattr(self, name)[row]), float(getattr(self, f"error_{name}")[row])
         return abs(error / value) if value else math.nan
 
+    @property
+    def top(self) -> int:
+        """Row of the greatest force, the first where a hold keeps the force."""
+        return int(np.argmax(self.force >= (1.0 - 1e-5) * np.max(self.force)))
+
     def planned(self) -> Curve:
         """Steps of the first loading that end at the planned, equal increments of the approach.
 

@@ -210,6 +210,13 @@ class Material:
         return (not self.has_run or bool(self.law.state)) if self.law else self.yield_strength is not None
 
     @property
+    def flows(self) -> bool:
+        """Whether it counts a plastic strain, which not every state of a law is."""
+        if self.law is None or not self.has_run:
+            return self.plastic
+        return not laws.USUAL.keys().isdisjoint(self.law.state)
+
+    @property
     def source(self) -> str:
         """Where the law comes from, in words of a case; empty without one in UFL."""
         return self.law.source if self.law else ""

@@ -129,7 +129,7 @@ class Evidence:
     @property
     def top(self) -> int:
         """Row of the greatest force."""
-        return int(self.curve.force.argmax())
+        return self.curve.top
 
     @property
     def contact_radius(self) -> float:
@@ -173,10 +173,10 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
             warned=True,
         )  # fmt: skip
     elif not material.finite:
-        what = "plastic" if material.plastic else "equivalent"
+        what = "plastic" if material.flows else "equivalent"
         yield Assumption(
             f"small strain: greatest {what} strain",
-            run.greatest("max_plastic_strain" if material.plastic else "max_strain"), SMALL_STRAIN, "",
+            run.greatest("max_plastic_strain" if material.flows else "max_strain"), SMALL_STRAIN, "",
             "e and ln(1 + e) differ by 5 % at 0.1", advice, detail, warned=True,
         )  # fmt: skip
     if not material.plastic and material.law is None and material.nu <= MOST_OF_METALS:
@@ -194,7 +194,7 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
 def _locking(run: Evidence) -> Iterator[Assumption]:
     """Cells that keep their volume where they flow, on one mesh."""
     material = run.problem.material
-    if run.h is not None and material.plastic and not material.relaxes:
+    if run.h is not None and material.flows and not material.relaxes:
         yield Assumption(
             "locking: force by a law whose cells keep their volume where they flow",
             LOCKING * run.h / run.problem.surface.L, 100 * ONE_MESH, "% of the force",

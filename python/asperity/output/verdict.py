@@ -28,12 +28,17 @@ def _contact(results: Results) -> Iterator[str]:
     if not len(curve):
         yield "No load step was accepted."
         return
-    top = int(curve.force.argmax())
+    top = curve.top
     force = quantity(float(curve.force[top]), results.unit("force"), bar=curve.bar("P_star", top))
     delta = quantity(float(curve.delta[top]), results.unit("length"))
     share = float(curve.area_fraction[top])
     area = f"; {points(share, curve.area_error(top))} of the nominal area is in contact" if isfinite(share) else ""
     yield f"The force on the patch is {force} at an approach of {delta}{area}."
+    for leg in results.branches("hold")[-1:]:
+        force = quantity(float(leg.force[-1]), results.unit("force"))
+        delta = quantity(float(leg.delta[-1]), results.unit("length"))
+        share = 100.0 * float(leg.area_fraction[-1])
+        yield f"At the end of the hold the force is {force} at an approach of {delta}; {share:.3g} % are in contact."
     if not isfinite(curve.bar("P_star", top)):
         yield "The force has no error bar: the case requests no tolerance."
     known = []

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot.contact import contact_area, flow_maps, pressure_maps
-from asperity.plot.curves import conductance, force_curve, indentation, leakage, stiffness
+from asperity.plot.curves import conductance, force_curve, indentation, leakage, over_time, stiffness
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
@@ -19,7 +19,7 @@ from asperity.runtime.run_folder import FIGURES, refuse_links
 
 __all__ = [
     "CAPTIONS", "conductance", "contact_area", "flow_maps", "force_curve", "frequency", "indentation", "leakage",
-    "motion", "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
+    "motion", "over_time", "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
 
@@ -45,6 +45,7 @@ CAPTIONS = {
     "leakage": "(a) Transmissivity of the gap over the load; a dotted line marks the last load with an open channel. "
     "(b) Mean gap and hydraulic aperture.",
     "flow": "Flow of a film along x through the open gap at selected loads, over its mean. Pale: no flow.",
+    "time": "(a) Contact area, (b) load and (c) approach over time.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     f"deflection. {_STATIC} Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
@@ -112,6 +113,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "leakage": (bool(np.any(results.curve.transmissivity_x + results.curve.transmissivity_y > 0)), leakage),
         "flow": (results.snapshots > 0 and bool(np.any(results.curve.transmissivity_x > 0)), flow_maps),
+        "time": (bool(np.any(results.curve.time > 0)), over_time),
         "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),

@@ -19,6 +19,7 @@ from asperity.units import prefix
 DELTA, LOAD = "approach $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
 LOOKS = {  # branch -> format, colour, words
     "load": ("o-", style.BLUE, "loading"),
+    "hold": ("D-", style.PURPLE, "hold"),
     "unload": ("s--", style.VERMILION, "unloading"),
     "reload": ("^:", style.GREEN, "reloading"),
 }
@@ -194,6 +195,19 @@ def leakage(results: Results) -> Figure:
     for axis in (left, right):
         style.logarithmic(axis)
         axis.legend(loc="best")
+    return figure
+
+
+@style.styled
+def over_time(results: Results) -> Figure:
+    """Draw contact area, load and approach over time."""
+    figure, axes = style.figure(style.WIDE, 3.7, "contact area", "load", "approach")
+    for axis, name, words in zip(
+        axes, ("area_fraction", "P_star", "delta_star"), ("contact area $A/A_0$", LOAD, DELTA), strict=True
+    ):
+        draw_branches(axis, results, "time", name)
+        axis.set(xlabel="time (s)", ylabel=words, xlim=(0, None), ylim=(0, None))
+    axes[0].legend(loc="best")
     return figure
 
 

@@ -131,7 +131,7 @@ def _outcome(results: Results) -> Rows:
     curve = results.curve
     if not len(curve):
         return []
-    top = int(curve.force.argmax())
+    top = curve.top
 
     def shown(name: str, unit: str, bar: str = "") -> str:
         """Value of a column with its error bar, empty where it is unknown."""

@@ -221,7 +221,13 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
             raise Interrupted("enough for an estimate")
 
     path = problem.schedule
-    schedule = Schedule(force_max=path.force_max, steps=5, duration=path.duration, hold=path.hold)
+    schedule = Schedule(
+        force_max=path.force_max,
+        steps=5 if path.duration is None else 1,  # in time each step is a search
+        duration=path.duration,
+        hold=path.hold,
+        hold_steps=1 if path.hold else None,
+    )
     with suppress(ConvergenceError):
         follow(solver, schedule, Record(L, problem.material.E, 1.0), on_position=give_up)
     return max(solver.delta, 1e-3) * L

@@ -24,7 +24,7 @@ FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
     "surface", "curve", "indentation", "area", "pressure", "stiffness", "frequency", "response", "receptance", "motion",
-    "slip", "conductance", "leakage", "flow",
+    "slip", "conductance", "leakage", "flow", "time",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "pressure", "flow")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
