@@ -17,14 +17,14 @@ from scipy.sparse.linalg import splu
 WIDE = 400.0  # height and radius of the cylinder over the radius of the sphere
 PENALTY = 30.0  # stiffness of the contact, times E over the size of the elements below it
 GROWTH = 1.3  # of the elements from one to the next beyond the contact
-CLOSE = 1e-7  # unbalanced force over that on the sphere
+CLOSE = 1e-6  # unbalanced force over that on the sphere
 
 
 def cylinder(h: float, near: float) -> mesh.Mesh:
     """Rectangle of the plane (r, z) below z = 0, with elements of size h up to `near` from the axis and the top."""
-    lines = list(np.arange(0.0, near + h, h))
+    lines: list[float] = np.arange(0.0, near + h, h).tolist()
     while lines[-1] < WIDE:
-        lines.append(lines[-1] + min(GROWTH * (lines[-1] - lines[-2]), WIDE))
+        lines.append(lines[-1] + GROWTH * (lines[-1] - lines[-2]))
     n = len(lines) - 1
     domain = mesh.create_rectangle(MPI.COMM_SELF, [[0, -n], [n, 0]], [n, n], mesh.CellType.quadrilateral)
     x = domain.geometry.x
@@ -86,6 +86,6 @@ def forces(depth: float, steps: int, h: float, nu: float = 0.3) -> list[tuple[fl
 
 
 if __name__ == "__main__":
-    for h in map(float, sys.argv[1:] or ("0.08", "0.04", "0.02")):
-        for depth, force, radius in forces(0.3, 30, h):
+    for h in map(float, sys.argv[1:] or ("0.08", "0.04")):
+        for depth, force, radius in forces(0.3, round(2.4 / h), h):
             print(f"h {h:g}: depth {depth:.3f} R, force {force:.6f} E R^2, radius of contact {radius:.4f} R")

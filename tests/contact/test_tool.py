@@ -23,12 +23,15 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.output.indentation import indentation_of
 from asperity.output.results import Results
 from asperity.quasistatic.checkpoint import Checkpoint
+from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.reference.halfspace import added_to_spot
 from asperity.surface import Composite, Cone, Flat, Pyramid, SelfAffine, Sinusoid, Sphere, Surface, composite
 
 CORNER = (0.0, 0.0)  # a quarter of a contact
 PLANE = Flat(L=1.0)
 RUBBER = replace(ELASTIC, kinematics="finite")
+FORCE_AT_THIRD = 0.2575
 SIZE = MeshSize(0.15, growth=0.6, h_max=0.5)
 
 
@@ -150,6 +153,47 @@ def test_the_work_of_a_tool_in_finite_strain_is_the_energy_stored(tool: Surface)
     assert result.checks.penetration < 1e-9
 
 
+def test_the_force_of_a_steep_tip_is_that_of_a_body_without_a_length() -> None:
+    """Force over depth^2 of a corner of a cube is constant: the node below the tip stays there."""
+    curve = solve_contact(
+        PLANE, RUBBER, tool=Pyramid(L=1.0, angle=35.26), delta_max=0.04, steps=6, size=MeshSize(0.06, growth=0.5),
+        comm=here(),
+    ).curve  # fmt: skip
+    factor = curve.force[1:] / curve.delta[1:] ** 2
+    assert np.ptp(factor) < 0.06 * factor.mean()
+
+
+def test_a_sphere_to_a_third_of_its_radius() -> None:
+    """The force of axisymmetric elements at 0.3 radii is 0.2575 E R^2: benchmarks/axisymmetric.py."""
+    R = 0.2
+    curve = solve_contact(
+        PLANE, RUBBER, tool=Sphere(L=1.0, radius=R, centre=CORNER), delta_max=0.3 * R, steps=3, height=3.0,
+        size=MeshSize(0.025, growth=0.5, h_max=0.6), comm=here(),
+    ).curve  # fmt: skip
+    depth = on_half_space(curve, 0.51 * R)
+    assert 4.0 * curve.force[-1] / R**2 == pytest.approx(FORCE_AT_THIRD * (depth / (0.3 * R)) ** 1.5, rel=0.02)
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_strain_that_turns_elements_inside_out_is_said(soft: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no step converges after strains beyond one; what was found before is kept."""
+    true_solve = NewtonSolver.solve
+
+    def solve(self: NewtonSolver, start: Any, scale: float) -> StepStats:
+        stats = true_solve(self, start, scale)
+        return stats if np.abs(start).max() < 0.025 else replace(stats, converged=False)
+
+    monkeypatch.setattr(NewtonSolver, "solve", solve)
+    material = Material(1.0, 0.3, 1e-2, 0.0, kinematics="finite") if soft else RUBBER
+    with pytest.raises(PartialResult, match=r"the greatest strain is [12].*mesh\.h_contact") as caught:
+        solve_contact(
+            PLANE, material, tool=Cone(L=1.0, half_angle=45.0), delta_max=0.06, steps=8,
+            size=MeshSize(0.06, growth=0.6, h_max=0.5), comm=here(),
+        )  # fmt: skip
+    assert ("tangent_modulus" in str(caught.value)) == soft
+    assert len(caught.value.result.curve)
+
+
 def test_finite_strain_tends_to_small_strain() -> None:
     shallow = Sphere(L=1.0, radius=20.0)
     force = [
@@ -157,10 +201,6 @@ def test_finite_strain_tends_to_small_strain() -> None:
         for material in (ELASTIC, RUBBER)
     ]
     assert force[1] == pytest.approx(force[0], rel=0.01)
-
-
-def test_a_tilted_tool_pushes_along_its_normal() -> None:
-    """A plane tool with a slope on a free column: the horizontal force is the slope times the vertical one."""
 
 
 @pytest.mark.mpi
