@@ -174,7 +174,7 @@ class ContactSolver:
         most = solid.comm.allreduce(most, op=MPI.MAX)
         if most < STRETCHED:
             return ""
-        soft = material.plastic and material.plastic_modulus < material.yield_strength
+        soft = material.plastic_modulus < (material.yield_strength or 0.0)
         more = ", a material.tangent_modulus near material.yield_strength" if soft else ""
         return (
             f"the greatest strain is {most:.2g}, which turns elements inside out: take a larger mesh.h_contact, a "
