@@ -25,7 +25,7 @@ def test_columns_are_those_of_the_file_format():
         "conductance,error_mean_gap,error_k_n,error_k_n_elastic,error_k_t,error_k_t_x,"
         "error_k_n_interface,error_k_t_interface,error_conductance,transmissivity_x,transmissivity_y,"
         "hydraulic_aperture,error_transmissivity_x,error_transmissivity_y,error_hydraulic_aperture,"
-        "max_strain,strained_fraction,edge_fraction"
+        "max_strain,strained_fraction,edge_fraction,time"
     )
 
 

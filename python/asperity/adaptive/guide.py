@@ -124,9 +124,9 @@ class Guide:
             if not p.any():  # a spot between the centres of the cells
                 spot = np.zeros_like(p)
                 spot[np.unravel_index(self._heights[n].argmax(), p.shape)] = 1.0
-            sizes, even, *singular = spots_of(spot, layer.hardness)
+            sizes, even, singular, sharp = spots_of(spot, layer.hardness)
             cells = PER_SIZE / even
-        return layer, p, sizes, *singular
+        return layer, p, sizes, singular, sharp
 
     def edges(self) -> list[tuple[Floats, float, float]]:
         """Edges of the spots at three steps: places (m, 2), the length of each and the area of the spots [L, L^2]."""
