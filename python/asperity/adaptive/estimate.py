@@ -7,20 +7,22 @@ of 14,000 to 78,000 dofs on one core of a small shared machine; benchmarks/check
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import hypot
 from time import process_time
 from typing import TYPE_CHECKING, NamedTuple
 
-from asperity.adaptive.extrapolation import FLOWING
+from asperity.adaptive.extrapolation import FLOWING, of_limit
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps, small_strain
 from asperity.adaptive.limits import (
     AREA_ORDER,
     LEAST_STEP,
     MARGIN,
+    USUAL_ORDER,
     next_step,
     partner,
-    planned_order,
     shares,
 )
 from asperity.adaptive.load_step_error import MOST_SUBSTEPS, STEP_RULES, step_rule
@@ -203,16 +205,25 @@ def _plan(
         scales = [mesh.scale for mesh in meshes]
         scale, h, dofs = meshes[-1]
         plan.append((h, dofs, _steps(problem, substeps)))
-        bar = TYPICAL_BAR * scale ** planned_order()
-        if plastic:  # see `extrapolation.Pair.scatter`
-            ratio = scales[partner(scales)] / scale
-            part, _ = shares(ratio)
-            bar = hypot(bar, FLOWING * hypot(1.0 + part, part * ratio**AREA_ORDER) * family.open_area(scale))
+        cut = FLOWING * family.open_area(scale) if plastic else 0.0
+        bar = _bar(scales, cut)
         if bar <= tolerance:
             return plan, bar
-        meshes.append(family.next(meshes, next_step(bar / tolerance, planned_order(flows=plastic))))
+        meshes.append(family.next(meshes, next_step(partial(_bar, scales, cut), tolerance)))
         if scale / meshes[-1].scale < 0.999 * LEAST_STEP:
             return plan, bar
+
+
+def _bar(scales: Sequence[float], cut: float, finer: float = 1.0) -> float:
+    """Bar expected of a mesh so much finer than the last one, see `extrapolation.Pair.expected`.
+
+    Args:
+        cut: bar of the last one by facets that are cut at random
+    """
+    scale, chance = scales[-1] / finer, cut / finer**AREA_ORDER
+    ratio = scales[partner([*scales, scale])] / scale
+    weight, _ = shares(ratio)
+    return hypot(TYPICAL_BAR * scale**USUAL_ORDER, float(of_limit(weight, chance, chance * ratio**AREA_ORDER)))
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:

@@ -6,7 +6,7 @@ of the error of the load steps, of the waves that a mesh leaves out, and of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -14,12 +14,16 @@ import numpy as np
 
 from asperity.adaptive.guide import Omission
 from asperity.adaptive.limits import (
+    AREA_ORDER,
+    EDGE_ORDER,
     FLOW_ORDERS,
     GAP_ORDERS,
+    USUAL_ORDER,
     Orders,
     limit_of_area,
     limit_of_meshes,
     orders_of,
+    partner,
     shares,
     steady,
 )
@@ -107,20 +111,47 @@ class Pair:
         orders = orders or orders_of(self.coarse.scale)
         return limit_of_meshes(coarse, fine, self.coarse.scale / self.fine.scale, self.singular, self.judged, orders)
 
-    def of_limit(self, error: Callable[[PressedMesh], Floats]) -> Floats:
-        """What independent errors of both meshes make of the limit of the force."""
-        part, _ = shares(self.coarse.scale / self.fine.scale, self.singular, orders_of(self.coarse.scale))
-        return np.hypot((1.0 + part) * error(self.fine), part * error(self.coarse))
+    @cached_property
+    def force(self) -> tuple[Floats, Floats]:
+        """Limit of the force at the approaches, see `limit`: its bar holds the range of the orders alone."""
+        return self.limit(loading_force(self.coarse.curve, self.at), self.fine.curve.loading().P_star)
+
+    def shares(self) -> tuple[Floats, Floats]:
+        """Of the change of the force from mesh to mesh, see `limits.shares`."""
+        return shares(self.coarse.scale / self.fine.scale, self.singular, orders_of(self.coarse.scale))
+
+    def cut(self, mesh: PressedMesh) -> Floats:
+        """Relative bar of force and stiffness on a mesh by facets that are cut at random (n,)."""
+        return (FLOWING if self.flows else SCATTER) * open_area(mesh.curve, self.at)
+
+    def omitted(self, mesh: PressedMesh) -> Floats:
+        """Relative bar of the force on a mesh by the waves that it leaves out (n,)."""
+        return other_half(mesh.missed.at(self.at)[0])
 
     @cached_property
     def scatter(self) -> Floats:
-        """Relative bar of force and stiffness by facets that are cut at random (n,)."""
-        return (FLOWING if self.flows else SCATTER) * self.of_limit(lambda mesh: open_area(mesh.curve, self.at))
+        """Relative bar of limits of force and stiffness by facets that are cut at random (n,)."""
+        return of_limit(self.shares()[0], self.cut(self.fine), self.cut(self.coarse))
 
     @cached_property
     def roughness(self) -> Floats:
-        """Relative bar of the force by the waves that the meshes leave out (n,)."""
-        return self.of_limit(lambda mesh: other_half(mesh.missed.at(self.at)[0]))
+        """Relative bar of the limit of the force by the waves that the meshes leave out (n,)."""
+        return of_limit(self.shares()[0], self.omitted(self.fine), self.omitted(self.coarse))
+
+    def expected(self, finer: float, meshes: Sequence[PressedMesh]) -> Floats:
+        """Relative bar expected of the force on a mesh so much finer than the last one (n,).
+
+        Args:
+            meshes: those before it, one of which its limit is found with
+        """
+        scale, order = self.fine.scale / finer, USUAL_ORDER + self.singular * (EDGE_ORDER - USUAL_ORDER)
+        other = meshes[partner([*(mesh.scale for mesh in meshes), scale])]
+        weight, share = shares(other.scale / scale, self.singular, orders_of(other.scale))
+        change = (other.scale**order - scale**order) / (self.coarse.scale**order - self.fine.scale**order)
+        spread = share / self.shares()[1] * change * self.force[1]
+        scatter = of_limit(weight, self.cut(self.fine) / finer**AREA_ORDER, self.cut(other))
+        roughness = of_limit(weight, self.omitted(self.fine) / finer**order, self.omitted(other))
+        return np.sqrt(spread**2 + scatter**2 + roughness**2)
 
     def at_force(self, name: str, P_star: Floats) -> tuple[Floats, Floats]:
         """A measure on the coarser and the finer mesh at given forces."""
@@ -164,7 +195,7 @@ def force_limit(pair: Pair, steps: Floats, algebraic: float) -> tuple[Curve, Bud
     """The curve of the finer mesh with the limit of its force, and the parts of the bar, see `correct`."""
     curve = pair.fine.curve
     loading = curve.branch == "load"
-    factor, spread = pair.limit(loading_force(pair.coarse.curve, pair.at), curve.P_star[loading])
+    factor, spread = pair.force
     curve = scaled(curve, factor)
     parts = np.hypot(spread, pair.scatter), pair.roughness, steps, np.full(len(steps), algebraic)
     budget = Budget(*((part * curve.P_star[loading])[rows_of_loading(loading)] for part in parts))
@@ -318,6 +349,11 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     error = np.hypot(by * curve.error_area_fraction, 0.5 * area * curve.area_fraction)
     corrected = scaled(curve, 1.0 + 0.5 * force).with_bar(AREA, by * curve.area_fraction, error)
     return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
+
+
+def of_limit(weight: Floats, fine: Floats | float, coarse: Floats | float) -> Floats:
+    """What independent errors of two meshes make of their limit, by the weight of their difference."""
+    return np.hypot((1.0 + weight) * fine, weight * coarse)
 
 
 def other_half(missed: Floats) -> Floats:

@@ -8,7 +8,7 @@ Eng. 116 (1994) 405). The area of contact has another bar, by the place of its e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf
 
 import numpy as np
@@ -21,6 +21,7 @@ Orders = tuple[float, float]
 
 # Range of the order of the force in the scale, also of meshes as coarse as the first one (docs/accuracy.md)
 MESH_ORDERS, FIRST_ORDERS = (1.6, 2.4), (1.2, 2.4)
+USUAL_ORDER = 2.0  # which is expected of the next mesh
 GAP_ORDERS = (0.7, 2.4)  # the same of the mean gap at a given force, the lower end near full contact
 FLOW_ORDERS = (0.7, inf)  # and of the flow through the gap: between spots its order is seen from 0.8 to 4
 # Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; and that of the bar of the
@@ -59,23 +60,16 @@ def orders_of(coarse: float) -> Orders:
     return FIRST_ORDERS if coarse > RATIO else MESH_ORDERS
 
 
-def planned_order(singular: float = 0.0, flows: bool = False) -> float:
-    """Order of the bar to plan with: the mean of MESH_ORDERS, that of singular pressures, see `shares`, or of scatter.
-
-    Args:
-        singular: part of the edges with a singular pressure
-        flows: whether the solid yields, and most of the bar is that of the area
-    """
-    smooth = AREA_ORDER if flows else 0.5 * sum(MESH_ORDERS)
-    return smooth + singular * (EDGE_ORDER - smooth)
-
-
-def next_step(excess: float, order: float) -> float:
-    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does.
+def next_step(bar: Callable[[float], float], tolerance: float) -> float:
+    """How much finer the next mesh is: the least step after which its bar is expected to meet the tolerance.
 
     Rounded: the rounding of the bar differs with the ranks, and gmsh makes another mesh of any other size.
+
+    Args:
+        bar: expected of a mesh by how much finer it is
     """
-    return float(np.clip(round((excess / MARGIN) ** (1.0 / order), 2), LEAST_STEP, GREATEST_STEP))
+    steps = np.arange(LEAST_STEP, GREATEST_STEP, 0.01).round(2)
+    return next((float(finer) for finer in steps if bar(finer) <= MARGIN * tolerance), GREATEST_STEP)
 
 
 def partner(scales: Sequence[float]) -> int:

@@ -25,7 +25,7 @@ from asperity.adaptive.extrapolation import (
     without_omission,
 )
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
-from asperity.adaptive.limits import EDGE_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
+from asperity.adaptive.limits import EDGE_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.loading import judged_rows, relative
 from asperity.adaptive.meshes import Level, LevelSolver
@@ -259,8 +259,13 @@ def judge(
         if not problem.path_dependent:
             curve = of_elastic_solve(curve)
         verdict = Verdict.of(curve, rows, goal)
-        order = planned_order(fine.missed.singular.max(), plastic)
-        finer = max(next_step(verdict.force / goal.tolerance, order), next_step(verdict.excess_of_area, EDGE_ORDER))
+
+        def expected(finer: float) -> float:
+            """Bar of the force on a mesh so much finer."""
+            return float(np.max(np.hypot(pair.expected(finer, pressed), left)[pair.judged])) + algebraic
+
+        of_area = next_step(lambda finer: verdict.excess_of_area / finer**EDGE_ORDER, 1.0)
+        finer = max(next_step(expected, goal.tolerance), of_area)
         if verdict.force > goal.tolerance:
             limit = no_mesh_helps(algebraic, float(path.left(curve.delta_star[rows], path.substeps).max()), goal)
     accurate = AccurateResult(curve, raw, budget, tuple(run.levels), result, verdict)
