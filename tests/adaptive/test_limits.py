@@ -15,6 +15,7 @@ from asperity.adaptive.limits import (
     shares,
     steady,
 )
+from asperity.curve.curve import EDGE
 
 
 @pytest.mark.parametrize(
@@ -46,19 +47,25 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
     assert np.mean(error <= np.hypot(bar, 2.0 * 0.004)) > 0.95  # of the finer mesh the area shows it
 
 
-@pytest.mark.parametrize("inside", [-0.05, 0.0, 0.1])
-def test_an_edge_that_lies_too_far_inside_on_both_meshes_is_found(inside: float) -> None:
-    """By a part of the facets that it crosses, beside the random place of the edge in each: 95 % within the bar."""
-    rng, rows = np.random.default_rng(2), 400
-    area, edges = np.full(rows, 0.3), [np.full(rows, 0.2), np.full(rows, 0.1)]
-    chance = [np.full(rows, 0.03), np.full(rows, 0.012)]  # twice the deviation
-    areas = [
-        area * (1.0 + 0.5 * e * rng.standard_normal(rows)) - inside * x for e, x in zip(chance, edges, strict=True)
-    ]
-    factor, bar = limit_of_area(areas, edges, chance, np.zeros(rows), np.ones(rows, dtype=bool))
-    error = areas[1] * factor / area - 1.0
-    assert np.mean(np.abs(error) <= bar) > 0.95
-    assert abs(np.mean(error)) < 0.3 * abs(inside) * 0.1 / 0.3 + 0.002  # most of it
+@pytest.mark.parametrize(("apart", "less"), [(0.0, 0.8), (1.0, 1.05)])
+def test_the_place_of_the_edge_is_corrected_as_far_as_both_meshes_show_it(apart: float, less: float) -> None:
+    """Parts of the crossed facets that are the same on both meshes, or not: 95 % are within the bar.
+
+    Most of a common part is found; parts of their own do no harm.
+    """
+    rng, area, edges, chance = np.random.default_rng(2), 0.3, (0.2, 0.1), (0.03, 0.012)  # twice the deviations
+    place, errors, inside = 0.5 * EDGE * (1.0 + area), [], []
+    for _ in range(300):
+        own = place * rng.standard_normal()
+        parts = own + apart * place * rng.standard_normal(), own
+        columns = list(zip(parts, edges, chance, strict=True))
+        areas = [area * (1.0 + 0.5 * c * rng.standard_normal(9)) - part * x for part, x, c in columns]
+        constant = [[np.full(9, v) for v in values] for values in (edges, chance)]
+        factor, bar = limit_of_area(areas, *constant, np.zeros(9), np.ones(9, dtype=bool))
+        errors.append([np.mean(areas[1] * by) - area for by in (1.0, factor)])
+        inside.append(np.abs(areas[1] * factor - area) <= bar * areas[1])
+    before, after = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert np.mean(inside) > 0.95 and after < less * before
 
 
 def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
@@ -91,12 +98,3 @@ def test_rows_that_are_not_judged_move_no_judged_one() -> None:
     found, alone = (limit_of_meshes(coarse[of], fine[of], 2.0, judged=judged[of]) for of in (slice(None), judged))
     for with_others, without in zip(found, alone, strict=True):
         np.testing.assert_allclose(with_others[judged], without)
-
-
-def test_half_of_what_moves_the_edge_stays_in_the_bar() -> None:
-    """Both meshes show a part of 0.4 that is missing, with hardly a scatter."""
-    area, edges, chance = np.full(9, 0.3), [np.full(9, 0.2), np.full(9, 0.1)], 2 * [np.full(9, 1e-4)]
-    areas = [area - 0.4 * x for x in edges]
-    factor, bar = limit_of_area(areas, edges, chance, np.zeros(9), np.ones(9, dtype=bool))
-    np.testing.assert_allclose(areas[1] * factor, area, rtol=1e-3)
-    np.testing.assert_allclose(bar * areas[1], 0.5 * 0.4 * edges[1], rtol=1e-2)

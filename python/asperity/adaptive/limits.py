@@ -110,10 +110,10 @@ def limit_of_area(
     """Area of contact at a force over the area on the finer of two meshes, and the relative error bar.
 
     The nodes place the edge of the contact too far inside or outside by a part of the facets that it crosses. The part
-    is about the same on both meshes and at neighbouring steps, so the areas of both show it: by least squares, with the
-    prior knowledge that two of its standard deviations are EDGE. The bar keeps EDGE, or SHARP, for the part does
-    change, and half of what is corrected. Near full contact the edges are those of holes, which are smaller and end by
-    single nodes that are released: their place is known half as well.
+    is alike at neighbouring steps, and the areas of both meshes show it: by least squares, with the prior knowledge
+    that two of its standard deviations are EDGE, and that the coarser mesh may deviate as much from the finer one. The
+    bar keeps EDGE, or SHARP, for what is known does not narrow it much. Near full contact the edges are those of holes,
+    which are smaller and end by single nodes that are released: their place is known half as well.
 
     Args:
         areas, edges, chance: of the coarser and the finer mesh at the same forces: part in contact (n,); part of the
@@ -125,14 +125,15 @@ def limit_of_area(
         factor (n,), and the bar (n,)
     """
     (coarse, fine), (wide, narrow) = areas, edges
-    square = np.sum(np.square([0.5 * error * area for error, area in zip(chance, areas, strict=True)]), axis=0)
+    place = EDGE * (1.0 + fine)
+    random = [error * area for error, area in zip(chance, areas, strict=True)]
+    square = 0.25 * np.sum(np.square([*random, place * np.nan_to_num(wide)]), axis=0)
     known = (square > 0.0) & np.isfinite(wide) & np.isfinite(narrow)
     weight = np.divide(known, ALIKE * square, out=np.zeros(len(fine)), where=known)
     more, missing = np.nan_to_num(wide - narrow), fine - coarse
     precision, shown = (averaged(weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
-    place = EDGE * (1.0 + fine)
     part = shown / (precision + (2.0 / place) ** 2)
-    left = np.maximum(place + sharp * (SHARP - place), 0.5 * np.abs(part))
+    left = place + sharp * (SHARP - place)
     crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
     return np.maximum(1.0 + part * crossed, 0.0), np.hypot(chance[1], left * crossed)
 
