@@ -24,8 +24,8 @@ from asperity.model.settings import (
     SolverOptions,
 )
 from asperity.runtime.declaration import Real, argument, check_shares, declared, unknown
-from asperity.surface import Flat, Pyramid, Surface, composite
-from asperity.surface.shapes import Bump
+from asperity.surface import Flat, Surface, composite
+from asperity.surface.shapes import Indenter
 
 SAME = 1e-9  # relative difference of the sides of surface and tool
 SAMPLES = 257  # heights along each side by which a load is judged
@@ -304,7 +304,7 @@ def check_lengths(side: float, height: float, path: Schedule, size: MeshSize) ->
 
 def doubt_of_tip(surface: Surface, tool: Surface, delta: float) -> str:
     """That a tip meets the sides of the patch at an approach [length], in a sentence; empty where it does not."""
-    if not isinstance(tool, Bump | Pyramid):
+    if not isinstance(tool, Indenter):
         return ""
     x, y, z = surface.maximum()
     along = np.linspace(0.0, surface.L, SAMPLES)
