@@ -13,11 +13,10 @@ from typing import Any, TypeVar
 from asperity.errors import InputError
 from asperity.laws import shipped_law
 from asperity.model.dynamics import DynamicsSettings
-from asperity.model.joint import Joint
+from asperity.model.joint import Joint, SlipSettings
 from asperity.model.load_path import DRIVERS, Schedule
 from asperity.model.material import SHARED, Material
 from asperity.model.settings import AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
-from asperity.model.slip import SlipSettings
 from asperity.runtime.declaration import keys, plain, unknown
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
