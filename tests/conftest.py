@@ -67,8 +67,8 @@ def here() -> Any:
 def top_of(block: BlockMesh, surface: Surface) -> Top:
     """Top of a mesh that was made for `surface`."""
     faces = outer_faces(block.tets)
-    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < 1e-9 * block.side
-    return Top((block.points - np.array([0.0, 0.0, block.height])) / block.side, faces[on_top[faces].all(axis=1)])
+    faces = faces[block.on_top(surface)[faces].all(axis=1)]
+    return Top((block.points - np.array([0.0, 0.0, block.height])) / block.side, faces)
 
 
 def assembled(solid: Solid) -> Any:

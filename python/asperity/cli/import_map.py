@@ -47,7 +47,7 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
-@click.option("--pixel", type=options.Lengths(), metavar="LENGTH[,LENGTH]",
+@click.option("--pixel", type=options.Length(most=2), metavar="LENGTH[,LENGTH]",
               help="Distance between heights, or along x and y.")  # fmt: skip
 @click.option("--unit", metavar="UNIT", is_eager=True,
               help=f"{', '.join(filter(str.isascii, LENGTHS))}, or a number of metres.")  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Floats, Indices
+from asperity.arrays import Flags, Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.element import EDGES, NODES, ON_EDGES, outer_faces
 from asperity.runtime.display import short_repr
@@ -73,6 +73,10 @@ class BlockMesh:
         if self.smoothing is None:
             return np.asarray(self.height + surface.height(x, y) - surface.mean())
         return np.asarray(self.height + heights_at(surface, x, y, self.smoothing) - surface.mean())
+
+    def on_top(self, surface: Surface) -> Flags:
+        """Nodes on the top, whose heights follow a surface (N,)."""
+        return np.asarray(np.abs(self.heights(surface) - self.points[:, 2]) < NEAR * self.side)
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
