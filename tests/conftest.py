@@ -22,11 +22,10 @@ import pytest
 from asperity.curve import COLUMNS, Curve
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import NodeMatrix
-from asperity.mesh.block import BlockMesh
+from asperity.mesh.block import BlockMesh, Top
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
-from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import Ranks, on_root
