@@ -80,6 +80,8 @@ def test_a_heading_names_columns_and_units(tmp_path, separator):
     curve = Curve.read(path)
     np.testing.assert_allclose([curve.delta, curve.force], [[1e-6, 2e-6], [2e-3, 5e-3]], rtol=1e-15)
     assert np.isnan(curve.time).all() and curve.header == {}
+    path.write_text("delta,force,\n1,2,\n2,5,\n")
+    assert Curve.read(path).force.tolist() == [2.0, 5.0]
     for heading in ("delta [um],force", "delta [um],force [um]", "delta,force,Delta"):
         path.write_text(f"{heading}\n1,2,3\n2,5,3\n")
         with pytest.raises(InputError, match=r"as (delta|force) \[UNIT\]|occurs twice: delta"):

@@ -21,6 +21,7 @@ def described(surface: Surface, folder: Path | None, metre: str) -> dict[str, An
         folder: receives surface.png
         metre: label of the unit of length
     """
+    from asperity.surface.height_files import steps_of
     from asperity.surface.scans import HeightField
 
     iso = None
@@ -28,7 +29,8 @@ def described(surface: Surface, folder: Path | None, metre: str) -> dict[str, An
         from asperity.plot import save, surface_map
 
         if surface.rough:
-            iso = HeightField.of(surface.heights, (surface.L, surface.L)).iso25178()
+            steps = steps_of(surface.heights, (surface.L, surface.L))
+            iso = HeightField(surface.heights, *steps).iso25178()
         folder.mkdir(parents=True, exist_ok=True)
         save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
     return {

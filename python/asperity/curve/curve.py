@@ -345,7 +345,7 @@ def _columns_of(lines: list[str]) -> tuple[dict[str, Any], dict[str, Any], bool]
     if not found.keys() >= _REQUIRED.keys():
         names = ", ".join(name for name, _ in table.names)
         raise ValueError(f"a line above its rows must name columns delta and force, and has {names[:60]!r}")
-    if len(table.names) > len(rows[0][1]):
+    if max(place for place, _ in found.values()) >= len(rows[0][1]):
         raise ValueError(f"its rows have {len(rows[0][1])} values for {len(table.names)} columns")
     columns: dict[str, Any] = {}
     for name, (place, factor) in found.items():

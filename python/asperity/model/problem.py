@@ -199,15 +199,13 @@ class Problem:
         depth = float(np.ptp(surface.grid(SAMPLES)))
         if depth <= 1e-12 * surface.L:
             return []
-        found = list(
-            filter(None, [doubt_of_edge(self.sides, surface), doubt_of_tip(surface, self.rigid, delta or 0.0)])
-        )
+        found = [doubt_of_edge(self.sides, surface), doubt_of_tip(surface, self.rigid, delta or 0.0)]
         if delta is not None and delta > depth:
             found.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
                 "compression of the whole block is a large part of the curve"
             )
-        return found
+        return list(filter(None, found))
 
     def warn_of_doubts(self) -> None:
         """Warn (CaseWarning) of a load that is doubtful, see `doubts`, and of other values that do not fit.

@@ -60,7 +60,7 @@ def read_heights(
         raise InputError(f"{path}: {name} is for files of {files}")
     try:
         return _of_text(path, metres, missing) if text else _of_arrays(path, metres or 1.0, missing, array)
-    except UNREADABLE as error:
+    except (InputError, *UNREADABLE) as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
 
 
@@ -78,16 +78,16 @@ def steps_of(z: Array, sides: Any) -> tuple[float, float]:
     """Distances of heights (ny, nx) along x and y on a side, or on two sides (unit of the sides).
 
     Raises:
-        ValueError: there is one side only, and as many heights along x as along y there are not
+        InputError: there is one side only, and as many heights along x as along y there are not
     """
     sides = np.ravel(sides)
     if z.ndim != 2 or not 0 < sides.size < 3:
-        raise ValueError(
+        raise InputError(
             f"heights of shape {z.shape} and {sides.size} sides are no map: give (ny, nx) and L, or [Lx, Ly]"
         )
     ny, nx = z.shape
     if sides.size == 1 and nx != ny:
-        raise ValueError(
+        raise InputError(
             f"{nx} x {ny} heights on a side L would have different distances along x and y: write dx and dy, or both "
             "sides as L = [Lx, Ly], beside z into an .npz file, or cut a square with asperity import-map --pixel"
         )
