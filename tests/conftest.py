@@ -22,11 +22,10 @@ import pytest
 from asperity.curve import COLUMNS, Curve
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import NodeMatrix
-from asperity.mesh.block import BlockMesh
+from asperity.mesh.block import BlockMesh, Top
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
-from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import Ranks, on_root
@@ -67,8 +66,8 @@ def here() -> Any:
 def top_of(block: BlockMesh, surface: Surface) -> Top:
     """Top of a mesh that was made for `surface`."""
     faces = outer_faces(block.tets)
-    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < 1e-9 * block.side
-    return Top((block.points - np.array([0.0, 0.0, block.height])) / block.side, faces[on_top[faces].all(axis=1)])
+    faces = faces[block.on_top(surface)[faces].all(axis=1)]
+    return Top((block.points - np.array([0.0, 0.0, block.height])) / block.side, faces)
 
 
 def assembled(solid: Solid) -> Any:

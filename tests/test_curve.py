@@ -71,6 +71,23 @@ def test_a_measured_curve_needs_only_approach_and_force(tmp_path):
     assert np.isnan(curve.P_star).all() and not curve.newton.any()
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_a_heading_names_columns_and_units(tmp_path, separator):
+    """In any order; a column with a unit that is not read is left out."""
+    path = tmp_path / "measured.txt"
+    rows = ["force [mN]", "time [ms]", "stage", "delta ( um )"], ["2", "3", "7", "1"], ["5", "4", "7", "2"]
+    path.write_text("from an instrument\n" + "\n".join(map(separator.join, rows)))
+    curve = Curve.read(path)
+    np.testing.assert_allclose([curve.delta, curve.force], [[1e-6, 2e-6], [2e-3, 5e-3]], rtol=1e-15)
+    assert np.isnan(curve.time).all() and curve.header == {}
+    path.write_text("delta,force,\n1,2,\n2,5,\n")
+    assert Curve.read(path).force.tolist() == [2.0, 5.0]
+    for heading in ("delta [um],force", "delta [um],force [um]", "delta,force,Delta"):
+        path.write_text(f"{heading}\n1,2,3\n2,5,3\n")
+        with pytest.raises(InputError, match=r"as (delta|force) \[UNIT\]|occurs twice: delta"):
+            Curve.read(path)
+
+
 def test_an_unknown_value_is_an_empty_cell_or_nan(tmp_path):
     """NaN occurs in curves stored by earlier versions."""
     path = tmp_path / "curve.csv"
@@ -112,9 +129,11 @@ def test_any_text_is_a_sound_curve_or_refused_by_the_name_of_its_file(text: str)
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("delta,forces\n1,2\n", r'unknown column \'forces\' \(did you mean "force"\?\)'),
-        ("delta,P_star\n1,2\n", "column 'force' is missing"),
-        ("delta,force\n1,2\n3,four\n", "line 3: force = 'four' is not a number"),
+        ("delta,forces\n1,2\n", "must name columns delta and force, and has 'delta, forces'"),
+        ("# {'a'}\ndelta,force\n1,2\n", "the first line is not JSON"),
+        ("delta,force\n1,2\n3,four\n", "row 3 has 'four' .*: give a number"),
+        ("delta,force,newton\n1,2,1.5\n", "'newton' counts"),
+        ("delta,force,step\n1,2\n", "its rows have 2 values for 3 columns"),
         ("delta,force\n1,\n", "'force' is not finite in step 1"),
     ],
 )

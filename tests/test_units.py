@@ -6,8 +6,7 @@ from decimal import Decimal
 
 import pytest
 
-from asperity.units import LENGTHS, amount, per_cent, plus_minus, prefix, quantity
-from asperity.vibration.measured import FORCES
+from asperity.units import FORCES, LENGTHS, amount, per_cent, plus_minus, prefix, quantity
 
 SI = {"": 0, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12, "f": -15}
 SI |= {"k": 3, "M": 6, "G": 9, "T": 12, "P": 15}

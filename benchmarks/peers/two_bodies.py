@@ -20,7 +20,7 @@ from unpacked import inside
 
 import asperity as asp
 from asperity.arrays import Floats
-from asperity.model.two_bodies import equivalent_block
+from asperity.model.joint import equivalent_block
 from asperity.surface import Surface
 
 N, DEPTH, STEPS = 16, 0.02, 5  # elements along a side, approach of the bodies [L], states that are compared

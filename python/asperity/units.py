@@ -1,4 +1,4 @@
-"""Units of length in files, and numbers with SI prefixes and the digits that their error bar allows."""
+"""Units of length and force in files, and numbers with SI prefixes and the digits that their error bar allows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from decimal import Decimal
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # in m
+FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "nN": 1e-9, "pN": 1e-12}
 _MOST_DIGITS = 9  # of a number with an error bar
 _LEAST_BAR = 1e-6  # over its value
 

@@ -22,7 +22,8 @@ SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-
 @pytest.fixture(autouse=True)
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """tests/test_interactive.py makes them."""
-    monkeypatch.setattr("asperity.cli.import_map._draw", lambda *_: None)
+    for name in ("save", "surface_map", "fields.spectrum_figure"):
+        monkeypatch.setattr(f"asperity.plot.{name}", lambda *_, **__: None)
 
 
 def import_map(*arguments: Any) -> int:
@@ -204,7 +205,7 @@ def test_a_refused_map_leaves_nothing(
 
     assert import_map(scan, "-o", out) == 0
     before = files(out)
-    monkeypatch.setattr("asperity.cli.import_map._draw", refuse)
+    monkeypatch.setattr("asperity.plot.save", refuse)
     for folder in (out, tmp_path / "new"):
         assert import_map(scan, "-o", folder, "--cutoff", "0.1um") == 2 and "no picture" in capsys.readouterr().err
     assert files(out) == before and sorted(path.name for path in tmp_path.iterdir()) == ["out", "scan.npz"]

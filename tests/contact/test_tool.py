@@ -14,7 +14,7 @@ from asperity import reference as ref
 from asperity import run
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
-from asperity.case.identity import identity, refuse_another
+from asperity.case.case_file import identity, refuse_another
 from asperity.curve import Curve
 from asperity.errors import CheckpointError, InputError, MeshError, ResolutionWarning
 from asperity.model.material import Material

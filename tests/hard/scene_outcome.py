@@ -15,7 +15,7 @@ from mpi4py import MPI
 from scenes import BASE, Keys, L, Map, Scene, heights
 
 from asperity.case import Case
-from asperity.case.identity import identity
+from asperity.case.case_file import identity
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.job.run_case import run

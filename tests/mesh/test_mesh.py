@@ -15,12 +15,11 @@ from conftest import here, top_of, world
 from asperity.arrays import Indices
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
-from asperity.mesh.block import BlockMesh
+from asperity.mesh.block import BlockMesh, heights_of_top
 from asperity.mesh.distribute import check_distortion, distribute
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
-from asperity.mesh.top import heights_of_top
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.make import make_block, make_contact_solver

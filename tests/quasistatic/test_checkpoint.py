@@ -17,7 +17,7 @@ from conftest import ELASTIC, PLASTIC, files, here, stored_fields, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
-from asperity.case.identity import identity, refuse_another
+from asperity.case.case_file import identity, refuse_another
 from asperity.contact import Coulomb
 from asperity.curve import STIFFNESSES
 from asperity.errors import CheckpointError, Interrupted, ResolutionWarning

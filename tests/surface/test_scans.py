@@ -14,8 +14,8 @@ import pytest
 from scipy.ndimage import gaussian_filter, median_filter
 
 from asperity.errors import InputError
+from asperity.model.joint import equivalent_block
 from asperity.model.material import Material
-from asperity.model.two_bodies import equivalent_block
 from asperity.surface import SelfAffine, Surface
 from asperity.surface.scans import HeightField
 from asperity.surface.spectrum import SelfAffineFit, fit_self_affine, psd

@@ -80,7 +80,7 @@ def repeated() -> Columns:
 
 
 Z = np.linspace(0.0, 1.0, 61)[1:]
-HERTZ = {"step": Z, "delta": Z, "force": Z**1.5}
+HERTZ = {"step": range(60), "delta": Z, "force": Z**1.5}
 SOFT = 1.2 * C ** (1 / 1.2) * (0.5 * C) ** (1 - 1 / 1.2)  # stiffness of the loading at half of its force
 
 

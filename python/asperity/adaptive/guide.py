@@ -18,8 +18,8 @@ from scipy.special import ellipkm1
 
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve.slope import SINGLE_CONTACT
+from asperity.mesh.block import Top, heights_of_top
 from asperity.mesh.resolution import ONE_MESH
-from asperity.mesh.top import Top, heights_of_top
 from asperity.model.material import AUTO
 from asperity.quasistatic.newton import illinois
 from asperity.reference.halfspace import HARDNESS, SINGLE, RoughHalfSpace, cells_per_side

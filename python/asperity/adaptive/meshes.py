@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.adaptive.guide import Guide, Omission
-    from asperity.mesh.block import BlockMesh
-    from asperity.mesh.top import Top
+    from asperity.mesh.block import BlockMesh, Top
     from asperity.model.problem import Problem
 
 Size = Callable[[float, float, float], float]

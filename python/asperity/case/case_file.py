@@ -17,17 +17,17 @@ from typing import Annotated, Any
 from pydantic import InstanceOf
 
 from asperity.case.tables import NAMED_FILES, OF_KINDS, SECTIONS, objects, override, read_bytes, read_toml
-from asperity.errors import CaseWarning, InputError, warn
+from asperity.errors import CaseWarning, CheckpointError, InputError, warn
 from asperity.model.dynamics import MIN_ROWS, DynamicsSettings
-from asperity.model.joint import Joint
+from asperity.model.joint import Joint, SlipSettings
 from asperity.model.limits import LEAST_FORCE, check_force
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem, check_lengths
 from asperity.model.settings import H_CONTACT, AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
-from asperity.model.slip import SlipSettings
 from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, legal, properties, to_table
 from asperity.runtime.display import show
+from asperity.runtime.run_folder import CASE, is_empty
 from asperity.surface import Surface, SurfaceWarning
 from asperity.surface.base import surface_kinds
 
@@ -36,6 +36,15 @@ KINDS = ("weierstrass-mandelbrot", "self-affine", "sphere", "cone", "pyramid", "
 _ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 #: key -> values that are probable in SI, and the unit
 _PROBABLE = {"material.E": (1e3, 2e12, "Pa"), "surface.L": (0.0, 0.1, "m"), "material.density": (1.0, 3e4, "kg/m^3")}
+#: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the
+#: equations; loading.cycles may also grow.
+CHANGEABLE = frozenset(
+    {
+        *("units", "dynamics", "joint", "slip", "output"),
+        *("material.density", "material.conductivity", "material.conductivity_other"),
+        *("solver.linear", "accuracy.max_dofs"),
+    }
+)
 _SECTION = argument("a section of keys")
 
 
@@ -315,6 +324,44 @@ def _doubts(case: Case) -> Iterator[str]:
             f"loading.unload_steps = {rows} gives the law of the vibration {rows} rows in contact, and at least "
             f"{least} show its curvature: raise it{'' if case.has_stiffness else ', or set output.stiffness = true'}"
         )
+
+
+def identity(case: Case) -> dict[str, Any]:
+    """Keys of a case that its checkpoint depends on, with their values; SHA-256 of the content for a file."""
+    tables = {name: table for name, table in case.content().items() if name not in CHANGEABLE}
+    keys = {f"{section}.{key}": value for section, table in tables.items() for key, value in table.items()}
+    return {name: value for name, value in keys.items() if name not in CHANGEABLE}
+
+
+def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Refuse (CheckpointError) to continue the run of a file under another case, by the identities of both."""
+    different = []
+    for name in sorted({*saved, *now}):
+        old, new = saved.get(name), now.get(name)
+        more_cycles = name == "loading.cycles" and isinstance(old, int) and isinstance(new, int) and new > old
+        if old != new and not more_cycles:
+            there, here = ("absent" if value is None else show(value) for value in (old, new))
+            is_file = tuple(name.split(".")) in NAMED_FILES
+            different.append(f"{name} has another content" if is_file else f"{name} = {there} there, {here} here")
+    if different:
+        more = f"; and {len(different) - 3} more keys" if len(different) > 3 else ""
+        raise CheckpointError(
+            f"{path} belongs to another case: {'; '.join(different[:3])}{more}; resume with the case it was made for, "
+            "or start again with --force"
+        )
+
+
+def refuse_run_of_another(case: Case, folder: Path) -> None:
+    """Refuse (CheckpointError) a folder whose run, without a saved state, is not of this case or has none."""
+    if is_empty(folder):
+        return
+    try:
+        there = Case.load(folder / CASE)
+    except InputError as error:
+        raise CheckpointError(
+            f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
+        ) from None
+    refuse_another(folder / CASE, identity(there), identity(case))
 
 
 def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:

@@ -13,11 +13,10 @@ from typing import Any, TypeVar
 from asperity.errors import InputError
 from asperity.laws import shipped_law
 from asperity.model.dynamics import DynamicsSettings
-from asperity.model.joint import Joint
+from asperity.model.joint import Joint, SlipSettings
 from asperity.model.load_path import DRIVERS, Schedule
 from asperity.model.material import SHARED, Material
 from asperity.model.settings import AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
-from asperity.model.slip import SlipSettings
 from asperity.runtime.declaration import keys, plain, unknown
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
@@ -94,37 +93,37 @@ def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if strange := [name for name in given if name not in SECTIONS and name != "units"]:
         _refuse_gone(str(strange[0]))
         raise InputError(unknown(str(strange[0]), "", ["units", *SECTIONS], keys_of_all()))
-    tables = {
-        name: {key: plain(value) for key, value in table.items() if value is not None}
-        for name, table in given.items()
-        if isinstance(table, Mapping) and name != "units"
-    }
+    tables = {name: _table(name, value) for name, value in given.items() if name != "units"}
     for section, name in NAMED_FILES:
         if isinstance(path := tables.get(section, {}).get(name), str):
             tables[section][name] = _existing_file(folder, path, f"{section}.{name}")
     if isinstance(tables.get("material", {}).get("law"), str):
         _complete_law(tables["material"], folder)
-    made = {name: make(name, tables[name]) if name in tables else value for name, value in given.items()
-            if name not in ("loading", "tool")}  # fmt: skip
-    if "tool" in given:
-        patch = {"L": made["surface"].L} if isinstance(made.get("surface"), Surface) else {}
-        of_file = tables.get("tool", {}).get("kind") == "file"  # whose patch may be in it
-        made["tool"] = make("tool", ({} if of_file else patch) | tables["tool"]) if "tool" in tables else given["tool"]
-    if "loading" in given:
-        loading, joint, surface = tables.get("loading", {}), made.get("joint"), made.get("surface")
-        if isinstance(joint, Joint) and isinstance(surface, Surface) and not any(name in loading for name in DRIVERS):
+    made = {name: make(name, table) for name, table in tables.items() if name not in ("loading", "tool")}
+    surface, joint = made.get("surface"), made.get("joint")
+    if "tool" in tables:
+        of_file = tables["tool"].get("kind") == "file"  # whose patch may be in it
+        made["tool"] = make("tool", ({} if of_file or surface is None else {"L": surface.L}) | tables["tool"])
+    if "loading" in tables:
+        loading = tables["loading"]
+        if joint and surface and not any(name in loading for name in DRIVERS):
             area = surface.L**2
             if load := joint.load(area):
                 loading["pressure_max"] = joint.overload * load / (joint.nominal_area or area)
-        made["loading"] = make("loading", loading) if "loading" in tables else given["loading"]
-    return made
+        made["loading"] = make("loading", loading)
+    return made | ({"units": given["units"]} if "units" in given else {})
+
+
+def _table(name: str, table: Any) -> dict[str, Any]:
+    """Keys of a section that have a value (InputError: it is no section)."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{name} = {show(table)} must be a section of keys, [{name}]")
+    return {key: plain(value) for key, value in table.items() if value is not None}
 
 
 def make(name: str, table: Any) -> Any:
     """Object of the keys of a section (InputError: a key is unknown or its value is not legal)."""
-    if not isinstance(table, Mapping):
-        raise InputError(f"{name} = {show(table)} must be a section of keys, [{name}]")
-    table, cls, kind = dict(table), SECTIONS[name], ""
+    table, cls, kind = _table(name, table), SECTIONS[name], ""
     if name in OF_KINDS:
         kind = table.pop("kind", None)
         cls = _of(name, lambda: surface_kind(kind))

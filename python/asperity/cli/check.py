@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
-from asperity.cli.surface import describe
+from asperity.cli.surface import described, show, show_iso
 from asperity.runtime.progress import duration
 from asperity.units import quantity
 
@@ -43,7 +43,13 @@ def check(case_file: str, ranks: int, output: str | None, as_json: bool, overrid
     problem = case.problem()
     surface = problem.surface
     metre, folder = "m" if case.units == "SI" else "", Path(output) if output else None
-    rough = describe(problem.composite, problem.composite.kind or "surface and tool", metre, folder, show=not as_json)
+    rough = {"kind": problem.composite.kind or "surface and tool"} | described(problem.composite, folder, metre)
+    if not as_json:
+        show(rough["kind"], rough, metre)
+        if folder is not None:
+            if problem.composite.rough:
+                show_iso(rough["iso25178"], metre)
+            options.say(f"written {folder / 'surface.png'}")
     found = estimate(case, ranks, surface)
     made = found.dofs <= MOST_MADE or case.accuracy.tolerance is not None
     if made:

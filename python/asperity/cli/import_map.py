@@ -12,7 +12,7 @@ import click
 import numpy as np
 
 from asperity.cli import options
-from asperity.cli.surface import draw, show_iso
+from asperity.cli.surface import described, show, show_iso
 from asperity.errors import InputError
 from asperity.units import LENGTHS, quantity
 
@@ -47,7 +47,7 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
-@click.option("--pixel", type=options.Lengths(), metavar="LENGTH[,LENGTH]",
+@click.option("--pixel", type=options.Length(most=2), metavar="LENGTH[,LENGTH]",
               help="Distance between heights, or along x and y.")  # fmt: skip
 @click.option("--unit", metavar="UNIT", is_eager=True,
               help=f"{', '.join(filter(str.isascii, LENGTHS))}, or a number of metres.")  # fmt: skip
@@ -71,6 +71,8 @@ def import_map(
     instrument that SurfaceTopography reads; --pixel and --unit are for what it does not say. Lengths are written as
     0.2um; without a unit in metres. OUT receives patch.npz, case.toml, measured.json and pictures.
     """
+    from asperity.plot import save
+    from asperity.plot.fields import spectrum_figure
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, ProgressLine
     from asperity.runtime.run_folder import holds_run
@@ -86,10 +88,10 @@ def import_map(
         read = HeightField.read(map_file, **given)
         progress.stage(f"level {' x '.join(map(str, read.z.shape[::-1]))} heights")
         whole, notes = read.filled(window).levelled(level), read.notes
-        if spikes == "fill" and (found := whole.spikes()).any():
-            read = replace(read, z=np.where(found, np.nan, read.z))
+        if spikes == "fill" and (high := whole.spikes()).any():
+            read = replace(read, z=np.where(high, np.nan, read.z))
             whole = read.filled(window).levelled(level)
-            notes += (f"{np.count_nonzero(found)} heights are spikes, which are filled",)
+            notes += (f"{np.count_nonzero(high)} heights are spikes, which are filled",)
         bare, patch = (
             (field.square() if window is None else field.window(*window)).levelled(level)
             for field in (whole, whole if cutoff is None else whole.filtered(cutoff))
@@ -97,17 +99,16 @@ def import_map(
         patch.check_plausible()
         progress.stage("statistics")
         spectrum, affine = _self_affine(read, bare)  # without the filter, which bends the spectrum near its cut-off
-        surface, iso = HeightMap.of(patch.z, patch.size[0]), patch.iso25178()
-        statistics = surface.statistics()
+        surface = HeightMap.of(patch.z, patch.size[0])
         origin = {"file": map_file, "channel": read.channel or None, "level": level, "cutoff": cutoff,
                   "filled": read.missing if window is None else read.missing_in(*window)}  # fmt: skip
-        about = origin | {"notes": notes, "side": surface.L, "nodes": len(patch.z),
-                          "statistics": asdict(statistics), "iso25178": iso,
-                          "self_affine": affine and asdict(affine)}  # fmt: skip
         with files_into(folder) as aside:  # whole, or not at all
             patch.save(aside / "patch.npz", about=origin)
             progress.stage("figures")
-            _draw(aside, surface, spectrum, affine)
+            save(spectrum_figure(spectrum, "m", affine), aside / "spectrum.png")
+            found = described(surface, aside, "m")
+            about = origin | {"notes": notes, "side": surface.L, "nodes": len(patch.z),
+                              "self_affine": affine and asdict(affine)} | found  # fmt: skip
             (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
             text = CASE.format(delta=surface.light_approach())
             (aside / "case.toml").write_text(text, encoding="utf-8")
@@ -116,15 +117,14 @@ def import_map(
         return
     for sentence in notes:
         options.say(sentence)
-    rows = [("side", _metres(surface.L)), ("nodes", f"{len(patch.z)}"), ("Sq", _metres(statistics.Sq))]
-    rows.append(("rms slope", f"{statistics.rms_slope:.4g}"))
+    rows = [("side", quantity(surface.L, "m")), ("nodes", f"{len(patch.z)}")]
     if origin["filled"]:
-        rows.insert(2, ("gaps that were filled", f"{100 * origin['filled']:.2g} %"))
+        rows.append(("gaps that were filled", f"{100 * origin['filled']:.2g} %"))
     if affine is not None:
-        roll = "none on the patch" if affine.lambda_roll is None else _metres(affine.lambda_roll)
+        roll = "none on the patch" if affine.lambda_roll is None else quantity(affine.lambda_roll, "m")
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
-    options.table(map_file, rows)
-    show_iso(iso, "m")
+    show(map_file, found, "m", rows)
+    show_iso(found["iso25178"], "m")
     for sentence in _doubts(surface, bare, affine):
         options.say(sentence)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
@@ -145,23 +145,11 @@ def _self_affine(read: HeightField, patch: HeightField) -> tuple[Spectrum, SelfA
         return spectrum, None
 
 
-def _draw(folder: Path, surface: HeightMap, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
-    from asperity.plot import save
-    from asperity.plot.fields import spectrum_figure
-
-    draw(folder, surface, "m")
-    save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")
-
-
-def _metres(length: float) -> str:
-    return quantity(length, "m")
-
-
 def _doubts(surface: HeightMap, bare: HeightField, affine: SelfAffineFit | None) -> Iterator[str]:
     """What is doubtful of a surface and of its heights before the filter, which hides dust, a sentence each."""
     slope, spikes, highest = surface.rms_slope(), bare.spikes(), float(bare.z.max() / bare.z.std())
     if surface.L > LARGEST:
-        yield f"the side of {_metres(surface.L)} is long for roughness: if lengths are not in metres, give --unit"
+        yield f"the side of {quantity(surface.L, 'm')} is long for roughness: if lengths are not in metres, give --unit"
     if slope < SMOOTHEST:
         yield (
             f"the rms slope of {slope:.1e} is small for roughness: if heights and distances have different units in "
@@ -170,9 +158,10 @@ def _doubts(surface: HeightMap, bare: HeightField, affine: SelfAffineFit | None)
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
     if spikes.any():
+        top = quantity(float(bare.z[spikes].max()), "m")
         yield (
             f"{np.count_nonzero(spikes)} heights stand above their neighbours as dust and spikes of an instrument do, "
-            f"the highest {_metres(float(bare.z[spikes].max()))} above the mean: if they do not belong to the surface, "
+            f"the highest {top} above the mean: if they do not belong to the surface, "
             "--spikes fill takes them for missing"
         )
     elif highest > HIGH:

@@ -86,32 +86,29 @@ tolerances = click.option(
 
 
 class Length(click.ParamType):
-    """A length with its unit, as 31.25um; a number alone is in metres, and refused beside another --unit."""
+    """A length with its unit, as 31.25um, or two with a comma; a number alone is in metres, refused beside --unit."""
 
     name = "length"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        if isinstance(value, float):
-            return value
-        try:
-            length, named = metres(value)
-        except ValueError:
-            self.fail(f"{value} is no length; write it as 31.25um, or in metres", param, ctx)
-        unit = None if ctx is None else ctx.params.get("unit")
-        if unit in LENGTHS and unit != "m" and not named:
-            self.fail(f"{value} has no unit beside --unit {unit}; write {value}{unit}, or {value}m", param, ctx)
-        return length
-
-
-class Lengths(Length):
-    """One length, or two with a comma."""
+    def __init__(self, most: int = 1) -> None:
+        self.most = most
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        parts = str(value).split(",")
-        if len(parts) > 2:
-            self.fail(f"{value}: give a length, or two as 1um,2um", param, ctx)
-        found = [super(Lengths, self).convert(part, param, ctx) for part in parts]
-        return found[0], found[-1]
+        if not isinstance(value, str):
+            return value
+        parts, unit = value.split(","), None if ctx is None else ctx.params.get("unit")
+        if len(parts) > self.most:
+            self.fail(f"{value}: give a length{', or two as 1um,2um' if self.most > 1 else ''}", param, ctx)
+        found = []
+        for part in parts:
+            try:
+                length, named = metres(part)
+            except ValueError:
+                self.fail(f"{part} is no length; write it as 31.25um, or in metres", param, ctx)
+            if unit in LENGTHS and unit != "m" and not named:
+                self.fail(f"{part} has no unit beside --unit {unit}; write {part}{unit}, or {part}m", param, ctx)
+            found.append(length)
+        return (found[0], found[-1]) if self.most > 1 else found[0]
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,51 +13,44 @@ from asperity.units import quantity
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-Iso = dict[str, float | None] | None
 
-
-def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show: bool) -> dict[str, Any]:
-    """Statistics, shortest wavelength and first touch of a surface, with a folder its pictures and ISO 25178 as well.
+def described(surface: Surface, folder: Path | None, metre: str) -> dict[str, Any]:
+    """Statistics, shortest wavelength and first touch of a surface, in a folder its picture and ISO 25178 as well.
 
     Args:
-        kind: of surface, the title of the table
-        metre: label of the unit of length
         folder: receives surface.png
-        show: print them
+        metre: label of the unit of length
     """
+    from asperity.surface.height_files import steps_of
     from asperity.surface.scans import HeightField
 
-    values, touch, found = asdict(surface.statistics()), surface.maximum(), None
-    if show:
-        rows = [(key, quantity(values[key], metre)) for key in ("Sq", "Sz")]
-        rows.append(("rms slope", f"{values['rms_slope']:.4g}"))
-        rows.append(("rms curvature", f"{values['rms_curvature']:.4g} {'1/m' if metre else ''}".rstrip()))
-        rows.append(("shortest wavelength", quantity(surface.feature_size, metre)))
-        rows.append(("first touch x, y, z", ", ".join(quantity(value, metre) for value in touch)))
-        options.table(kind, rows)
+    iso = None
     if folder is not None:
+        from asperity.plot import save, surface_map
+
         if surface.rough:
-            found = HeightField.of(surface.heights, (surface.L, surface.L)).iso25178()
-            if show:
-                show_iso(found, metre)
+            steps = steps_of(surface.heights, (surface.L, surface.L))
+            iso = HeightField(surface.heights, *steps).iso25178()
         folder.mkdir(parents=True, exist_ok=True)
-        path = draw(folder, surface, metre)
-        if show:
-            options.say(f"written {path}")
+        save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
     return {
-        "kind": kind, "statistics": values, "iso25178": found,
-        "shortest_wavelength": surface.feature_size, "first_touch": touch,
+        "statistics": asdict(surface.statistics()), "iso25178": iso,
+        "shortest_wavelength": surface.feature_size, "first_touch": surface.maximum(),
     }  # fmt: skip
 
 
-def draw(folder: Path, surface: Surface, metre: str) -> Path:
-    """Write a picture of a surface, and return its path."""
-    from asperity.plot import save, surface_map
+def show(title: str, found: dict[str, Any], metre: str, more: Iterable[tuple[str, str]] = ()) -> None:
+    """Print what :func:`described` has found under a title, after rows of others."""
+    values, touch = found["statistics"], found["first_touch"]
+    rows = [*more, *((key, quantity(values[key], metre)) for key in ("Sq", "Sz"))]
+    rows.append(("rms slope", f"{values['rms_slope']:.4g}"))
+    rows.append(("rms curvature", f"{values['rms_curvature']:.4g} {'1/m' if metre else ''}".rstrip()))
+    rows.append(("shortest wavelength", quantity(found["shortest_wavelength"], metre)))
+    rows.append(("first touch x, y, z", ", ".join(quantity(value, metre) for value in touch)))
+    options.table(title, rows)
 
-    return save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
 
-
-def show_iso(iso: Iso, metre: str) -> None:
+def show_iso(iso: dict[str, float | None] | None, metre: str) -> None:
     """Print the parameters of ISO 25178, in per cent where they are ratios of areas."""
     if iso is None:
         options.say("Sa, Ssk, Sal, Sk and the others of ISO 25178: pip install 'asperity[scan]'")

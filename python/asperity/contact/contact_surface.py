@@ -14,8 +14,8 @@ from asperity.curve.curve import EDGE
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
 from asperity.mesh import element
+from asperity.mesh.block import Top
 from asperity.mesh.distribute import TOP
-from asperity.mesh.top import Top
 from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.gathered import gather

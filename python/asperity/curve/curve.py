@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,8 +15,9 @@ from asperity.arrays import Array
 from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
-from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
-from asperity.runtime.text_table import decoded
+from asperity.runtime.files import write_csv
+from asperity.runtime.text_table import TextTable, lines_of
+from asperity.units import FORCES, LENGTHS
 
 if TYPE_CHECKING:
     from asperity.curve.power_law import PowerLawFit
@@ -29,7 +29,7 @@ EDGE = 0.1
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
 BRANCHES = ("load", "hold", "unload", "reload")
-_REQUIRED = ("delta", "force")
+_REQUIRED = {"delta": LENGTHS, "force": FORCES}  # columns of every curve, and the units that a file may name
 
 
 def column(about: str, dimension: str = "", kind: type = float) -> dict[str, Any]:
@@ -122,7 +122,11 @@ class Curve:
 
     def __post_init__(self) -> None:
         for name in COLUMNS:
-            values: Array = np.array(getattr(self, name), dtype=_KINDS[name], ndmin=1)
+            given = np.array(getattr(self, name), ndmin=1)
+            with np.errstate(invalid="ignore"):
+                values: Array = given.astype(_KINDS[name])
+            if _KINDS[name] is int and np.any(values != given):
+                raise InputError(f"Curve column {name!r} counts: give whole numbers.")
             values.flags.writeable = False
             object.__setattr__(self, name, values)
         sizes = {name: getattr(self, name).size for name in COLUMNS}
@@ -299,37 +303,58 @@ class Curve:
 
     @staticmethod
     def read(path: str | Path) -> Curve:
-        """Read a CSV file: optional "# {json}" line, column names, one line per step.
-
-        Columns "delta" and "force" are required, the other names of COLUMNS are optional. An empty cell is unknown.
-        Units in the heading are read by `asperity.vibration.measured`.
-
-        Raises:
-            InputError: the file does not exist, has no or unknown column names, or a value that is not a number
-                (the message gives its line)
-        """
-        try:
-            return _parsed(Path(path))
-        except (InputError, OSError, ValueError, OverflowError, RecursionError, csv.Error) as error:
-            raise InputError(f"{path} cannot be read as a curve: {error}") from None
+        """Curve of a file, see `read_curve`."""
+        return read_curve(path)[0]
 
 
-def _parsed(path: Path) -> Curve:
-    """Curve of a file."""
-    lines = decoded(read_whole(path, MOST_TEXT)).splitlines()
-    header, skip = _read_header(lines)
-    if len(lines) <= skip:
-        raise InputError(f"no column names; expected {','.join(COLUMNS)}.")
-    names = [name.strip() for name in lines[skip].split(",")]
-    _check_names(names)
-    rows = []
-    for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
-        if not any(map(str.strip, values)):
-            continue
-        if len(values) != len(names):
-            raise InputError(f"line {number}: {len(values)} values for {len(names)} columns.")
-        rows.append({name: _parse(name, text, number) for name, text in zip(names, values, strict=True)})
-    return Curve.from_rows(rows, header)
+def read_curve(path: str | Path) -> tuple[Curve, set[str], str]:
+    """Read a computed or measured curve from a text file, or from a folder with curve.csv.
+
+    A line "# {json}" may be the first. The line above the rows names the columns, delta [um] and force [N] for example;
+    names that are not in COLUMNS are left out. An empty cell is unknown.
+
+    Returns:
+        The curve, approach and force in m and N where the file names their units; names of its columns; how it was
+        read, empty or a sentence
+
+    Raises:
+        InputError: there is no such file, delta or force is missing, its unit is unknown, or a cell is not a number
+            (the message gives its line)
+    """
+    path = Path(path)
+    try:
+        columns, header, named = _columns_of(lines_of(path / "curve.csv" if path.is_dir() else path))
+        note = "approach and force have the units of the file, here metres and newtons" if named else ""
+        return Curve.from_columns(columns, header), set(columns), note
+    except (InputError, OSError, ValueError, RecursionError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path} cannot be read as a curve: {reason}") from None
+
+
+def _columns_of(lines: list[str]) -> tuple[dict[str, Any], dict[str, Any], bool]:
+    """Columns and metadata of the lines of a file, and whether it names units."""
+    about = lines[0].lstrip("# ") if lines and lines[0].startswith("#") else ""
+    try:
+        header = json.loads(about) if about.startswith("{") else {}
+    except json.JSONDecodeError as error:
+        raise ValueError(f"the first line is not JSON, {error}: correct it, or remove it") from None
+    if lines[-1:] == [",".join(COLUMNS)]:  # a curve of no steps
+        return dict.fromkeys(_REQUIRED, ()), header, False
+    table = TextTable.of(lines, 2)
+    found, rows = table.columns({name: _REQUIRED.get(name, {}) for name in COLUMNS}), table.rows()
+    if not found.keys() >= _REQUIRED.keys():
+        names = ", ".join(name for name, _ in table.names)
+        raise ValueError(f"a line above its rows must name columns delta and force, and has {names[:60]!r}")
+    if max(place for place, _ in found.values()) >= len(rows[0][1]):
+        raise ValueError(f"its rows have {len(rows[0][1])} values for {len(table.names)} columns")
+    columns: dict[str, Any] = {}
+    for name, (place, factor) in found.items():
+        cells, unknown = [(cells[place], line) for line, cells in rows], _UNKNOWN[_KINDS[name]]
+        if _KINDS[name] is str:
+            columns[name] = [cell for cell, _ in cells]
+        else:
+            columns[name] = [(factor or 1.0) * table.value(*cell) if cell[0] else unknown for cell in cells]
+    return columns, header, any(factor for _, factor in found.values())
 
 
 _TABLE = {each.name: each.metadata for each in fields(Curve) if each.metadata}
@@ -361,23 +386,3 @@ def _check_names(names: Any) -> None:
     for name in _REQUIRED:
         if name not in names:
             raise InputError(f"column {name!r} is missing.")
-
-
-def _read_header(lines: list[str]) -> tuple[dict[str, Any], int]:
-    if not lines or not lines[0].startswith("#"):
-        return {}, 0
-    try:
-        header = json.loads(lines[0][1:])
-    except json.JSONDecodeError as error:
-        raise InputError(f"line 1: the header is not JSON ({error}).") from None
-    if not isinstance(header, dict):
-        raise InputError("line 1: the header must be a JSON object.")
-    return header, 1
-
-
-def _parse(name: str, text: str, line: int) -> Any:
-    kind = _KINDS[name]
-    try:
-        return kind(text.strip()) if text.strip() else _UNKNOWN[kind]
-    except ValueError:
-        raise InputError(f"line {line}: {name} = {text!r} is not a number.") from None

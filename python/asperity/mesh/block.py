@@ -1,4 +1,4 @@
-"""Nodes and tetrahedra of a block: in memory, in a file, and checked against a surface."""
+"""Nodes and tetrahedra of a block: in memory, in a file, and checked against a surface; the facets of its top."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Floats, Indices
+from asperity.arrays import Flags, Floats, Indices
 from asperity.errors import MeshError
-from asperity.mesh.element import EDGES, NODES, ON_EDGES, outer_faces
+from asperity.mesh.element import EDGES, NODES, ON_EDGES, at_inside, outer_faces, shares
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import read_npz, write_npz
 
@@ -73,6 +73,10 @@ class BlockMesh:
         if self.smoothing is None:
             return np.asarray(self.height + surface.height(x, y) - surface.mean())
         return np.asarray(self.height + heights_at(surface, x, y, self.smoothing) - surface.mean())
+
+    def on_top(self, surface: Surface) -> Flags:
+        """Nodes on the top, whose heights follow a surface (N,)."""
+        return np.asarray(np.abs(self.heights(surface) - self.points[:, 2]) < NEAR * self.side)
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
@@ -165,3 +169,44 @@ class BlockMesh:
                 f"mesh.file: tetrahedra that share the edge from node {i} to {j} have different nodes on it; mesh the "
                 "case again"
             )
+
+
+@dataclass(frozen=True)
+class Top:
+    """Facets of the top of a block, in one process.
+
+    Attributes:
+        points: nodes (N, 3), in the plane and above the mean plane of the surface [L]
+        faces: their numbers in each facet, ordered as in `element.FACES` (F, 6)
+    """
+
+    points: Floats
+    faces: Indices
+
+    __repr__ = short_repr
+
+
+def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False, tool: Surface | None = None) -> Floats:
+    """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
+
+    Args:
+        tool: whose heights at the nodes are added, see `surface.composite`
+        nodal: no point is higher than the nodes of its facet: the contact, which nodes meet, does not feel it
+
+    Returns:
+        Heights (n, n), index [iy, ix] [L]. They are those of `surface` at the nodes whose heights are exact.
+    """
+    from matplotlib.tri import Triangulation
+
+    faces, xy = top.faces, top.points[:, :2]
+    corners, numbers = np.unique(faces[:, :3], return_inverse=True)
+    finder = Triangulation(xy[corners, 0], xy[corners, 1], numbers.reshape(-1, 3)).get_trifinder()
+    centres = (np.arange(n) + 0.5) / n
+    x, y = (c.ravel() for c in np.meshgrid(centres, centres))
+    nodes = faces[np.asarray(finder(x, y))]
+    inside = shares(np.column_stack([x, y]), *(xy[nodes[:, k]] for k in range(3)))
+    z = top.points[:, 2] + surface.mean() / surface.L
+    if tool is not None:
+        z = z + tool.height(*(surface.L * xy.T)) / surface.L
+    heights = at_inside(inside, z[nodes])
+    return (np.minimum(heights, z[nodes].max(axis=1)) if nodal else heights).reshape(n, n)

@@ -119,39 +119,26 @@ def node_ends() -> Integers:
 
 def facet_nodes() -> list[list[int]]:
     """Local nodes of each facet: its corners, then the nodes on the edges opposite to them."""
-    import basix
-
-    topology = basix.topology(basix.CellType.tetrahedron)
-    found = []
-    for corners in topology[2]:
-        edges = (topology[1].index([v for v in corners if v != opposite]) for opposite in corners)
-        found.append([*corners, *(4 + edge for edge in edges if edge < ON_EDGES)])
-    return found
+    nodes: list[list[int]] = basis().entity_closure_dofs[2]
+    return nodes
 
 
 def at_facet(facet: int, points: Floats) -> Floats:
     """Map points of the reference triangle (Q, 2) to a facet of the reference tetrahedron (Q, 3)."""
-    corners = _corners(facet)
-    return corners[0] + points @ (corners[1:] - corners[0])
+    import basix.cell
+
+    cell = basix.CellType.tetrahedron
+    first = basix.geometry(cell)[basix.topology(cell)[2][facet][0]]
+    return np.asarray(first + points @ basix.cell.facet_jacobians(cell)[facet].T)
 
 
 def area_vectors() -> Floats:
     """Outward normals of the facets of the reference tetrahedron; their length is twice the area (4, 3)."""
-    out = np.empty((4, 3))
-    for facet in range(4):
-        corners = _corners(facet)
-        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        inside = np.full(3, 0.25) - corners[0]
-        out[facet] = -n * np.sign(n @ inside)
-    return out
+    import basix.cell
 
-
-def _corners(facet: int) -> Floats:
-    """Corners of a facet of the reference tetrahedron (3, 3)."""
-    import basix
-
-    topology = basix.topology(basix.CellType.tetrahedron)
-    return np.asarray(basix.geometry(basix.CellType.tetrahedron)[topology[2][facet]])
+    cell = basix.CellType.tetrahedron
+    normals = np.cross(*np.moveaxis(basix.cell.facet_jacobians(cell), 2, 0))
+    return np.where(np.array(basix.cell.facet_orientations(cell))[:, None], -normals, normals)
 
 
 def to_corners(values: Floats) -> Floats:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asperity.arrays import Floats
 from asperity.errors import MeshError, ResolutionWarning, warn
-from asperity.mesh.block import NEAR
 from asperity.mesh.element import face_functions, outer_faces
 
 if TYPE_CHECKING:
@@ -55,11 +55,9 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
 
 def lowered_height(block: BlockMesh, surface: Surface, delta: float, composite: Surface | None = None) -> float:
     """Rms change of height by smoothing (see `morph.lift`) of the nodes that the flat would meet, over the approach."""
-    x, y, z = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * surface.L].T
-    both = composite or surface
-    met = np.asarray(both.height(x, y)) >= both.maximum()[2] - delta
-    off = (np.asarray(surface.height(x, y)) - surface.mean() + block.height - z)[met]
-    return float(np.sqrt(np.mean(off**2))) / delta if off.size else inf
+    x, y, z = block.points[block.on_top(surface)].T
+    off = np.asarray(surface.height(x, y)) - surface.mean() + block.height - z
+    return _rms_of_met(off, composite or surface, (x, y), delta)
 
 
 def unfollowed_height(block: BlockMesh, surface: Surface, delta: float, composite: Surface) -> float:
@@ -67,15 +65,18 @@ def unfollowed_height(block: BlockMesh, surface: Surface, delta: float, composit
 
     The change is over the approach; it is infinite for a tip between these points.
     """
-    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * surface.L
     faces = outer_faces(block.tets)
-    x, y = np.moveaxis(block.points[faces[on_top[faces].all(axis=1)], :2], 2, 0)  # of nodes
+    x, y = np.moveaxis(block.points[faces[block.on_top(surface)[faces].all(axis=1)], :2], 2, 0)  # of nodes
     at = face_functions(np.full((1, 3), 1.0 / 3.0))[0]
     middle = x @ at, y @ at
-    met = np.asarray(composite.height(*middle)) >= composite.maximum()[2] - delta
     tool = [composite.height(*where) - surface.height(*where) for where in (middle, (x, y))]
-    off = (tool[0] - tool[1] @ at)[met]
-    return float(np.sqrt(np.mean(off**2))) / delta if off.size else inf
+    return _rms_of_met(tool[0] - tool[1] @ at, composite, middle, delta)
+
+
+def _rms_of_met(off: Floats, both: Surface, at: tuple[Floats, Floats], delta: float) -> float:
+    """Rms value over the approach of heights at points (n,) that are met, infinite where there is none."""
+    met = off[both.height(*at) >= both.maximum()[2] - delta]
+    return float(np.sqrt(np.mean(met**2))) / delta if met.size else inf
 
 
 def judge_mesh(block: BlockMesh, surface: Surface, h: float, delta: float, composite: Surface | None = None) -> None:
@@ -88,18 +89,17 @@ def judge_mesh(block: BlockMesh, surface: Surface, h: float, delta: float, compo
         MeshError: little of what the flat, or the tool, meets is left
     """
     lowered = lowered_height(block, surface, delta, composite)
-    text = (
+    found = [(lowered, (
         f"the elements are too large for the slopes of the surface: heights that the flat meets had to be smoothed by "
         f"{lowered:.2g} of the greatest approach (rms): reduce mesh.h_contact, or filter the surface"
-    )
-    unfollowed = 0.0
+    ))]  # fmt: skip
     if composite is not None and composite is not surface:
         unfollowed = unfollowed_height(block, surface, delta, composite)
-    of_tool = (
-        f"the tool is finer than the mesh: between the nodes that it meets its heights differ by {unfollowed:.2g} of "
-        "the greatest approach (rms) from those that the nodes have: reduce mesh.h_contact, or press deeper"
-    )
-    for off, sentence in ((lowered, text), (unfollowed, of_tool)):
+        found.append((unfollowed, (
+            f"the tool is finer than the mesh: between the nodes that it meets its heights differ by {unfollowed:.2g} "
+            "of the greatest approach (rms) from those that the nodes have: reduce mesh.h_contact, or press deeper"
+        )))  # fmt: skip
+    for off, sentence in found:
         if off > MOST_LOWERED:
             raise MeshError(sentence)
         if off > ONE_MESH:

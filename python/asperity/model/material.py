@@ -342,11 +342,9 @@ class Material:
         if self.law is not None:
             raise InputError(f'{laws.KEY} = "{self.law.source}" is in UFL, and this needs a compiled law')
         lam, mu = self.lame
-        yields = {"yield_stress": np.inf, "hardening": 0.0, "kinematic_share": 0.0}
-        if self.yield_strength is not None:
-            yields |= {"yield_stress": self.yield_strength, "hardening": self.plastic_modulus}
-            yields |= {"kinematic_share": self.kinematic_share}
-        return {"lam": lam, "mu": mu, **yields}
+        strength = inf if self.yield_strength is None else self.yield_strength
+        hardens = {"hardening": self.plastic_modulus, "kinematic_share": self.kinematic_share}  # 0 without a strength
+        return {"lam": lam, "mu": mu, "yield_stress": strength, **hardens}
 
     def elastic_energy(self, stress: Floats) -> Floats:
         """Elastic energy per volume of a stress (..., 6) [force/length^2]."""

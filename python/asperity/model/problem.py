@@ -24,8 +24,8 @@ from asperity.model.settings import (
     SolverOptions,
 )
 from asperity.runtime.declaration import Real, argument, check_shares, declared, unknown
-from asperity.surface import Flat, Pyramid, Surface, composite
-from asperity.surface.shapes import Bump
+from asperity.surface import Flat, Surface, composite
+from asperity.surface.shapes import Indenter
 
 SAME = 1e-9  # relative difference of the sides of surface and tool
 SAMPLES = 257  # heights along each side by which a load is judged
@@ -199,15 +199,13 @@ class Problem:
         depth = float(np.ptp(surface.grid(SAMPLES)))
         if depth <= 1e-12 * surface.L:
             return []
-        found = list(
-            filter(None, [doubt_of_edge(self.sides, surface), doubt_of_tip(surface, self.rigid, delta or 0.0)])
-        )
+        found = [doubt_of_edge(self.sides, surface), doubt_of_tip(surface, self.rigid, delta or 0.0)]
         if delta is not None and delta > depth:
             found.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
                 "compression of the whole block is a large part of the curve"
             )
-        return found
+        return list(filter(None, found))
 
     def warn_of_doubts(self) -> None:
         """Warn (CaseWarning) of a load that is doubtful, see `doubts`, and of other values that do not fit.
@@ -304,7 +302,7 @@ def check_lengths(side: float, height: float, path: Schedule, size: MeshSize) ->
 
 def doubt_of_tip(surface: Surface, tool: Surface, delta: float) -> str:
     """That a tip meets the sides of the patch at an approach [length], in a sentence; empty where it does not."""
-    if not isinstance(tool, Bump | Pyramid):
+    if not isinstance(tool, Indenter):
         return ""
     x, y, z = surface.maximum()
     along = np.linspace(0.0, surface.L, SAMPLES)

@@ -9,7 +9,7 @@ from asperity.curve.indentation import Indentation, oliver_pharr
 from asperity.model.problem import Problem
 from asperity.reference.halfspace import added_to_spot
 from asperity.surface import Pyramid, Surface
-from asperity.surface.shapes import Bump
+from asperity.surface.shapes import Indenter
 
 #: Factor of the stiffness of a punch of three and of four sides (King, Int. J. Solids Struct. 23 (1987) 1657).
 BETA = {3: 1.034, 4: 1.012}
@@ -17,7 +17,7 @@ BETA = {3: 1.034, 4: 1.012}
 
 def spot_of(surface: Surface) -> tuple[tuple[float, float], float] | None:
     """Place of the only summit [L], and spots over the part of one on the patch; None for another surface."""
-    if not isinstance(surface, Bump | Pyramid):
+    if not isinstance(surface, Indenter):
         return None
     assert surface.centre is not None
     x, y = (c / surface.L for c in surface.centre)

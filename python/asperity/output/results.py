@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from asperity.errors import InputError
 from asperity.output.raster import Raster
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_csv, read_npz, read_text
+from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_npz, read_text
 from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
@@ -166,7 +167,8 @@ def _read_json(path: Path) -> Mapping[str, Any]:
 def _read_columns(path: Path) -> Columns:
     """Columns of numbers, NaN where one is missing, or of texts where a value is no number, each (n,)."""
     columns: dict[str, NDArray[Any]] = {}
-    for name, values in read_csv(path).items():
+    names, *rows = csv.reader(read_text(path).splitlines())
+    for name, values in zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True):
         try:
             columns[name] = np.array([float(value) if value else np.nan for value in values])
         except ValueError:

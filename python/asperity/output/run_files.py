@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from asperity.case import Case
-from asperity.case.identity import identity, refuse_run_of_another
+from asperity.case.case_file import identity, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder

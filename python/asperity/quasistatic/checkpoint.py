@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Array, Indices
-from asperity.case.identity import refuse_another
+from asperity.case.case_file import refuse_another
 from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import built_nodes, cell_numbers, node_numbers
 from asperity.fem.history import History

@@ -160,21 +160,6 @@ def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]
     replace_file(path, text.getvalue().encode())
 
 
-def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
-    """Columns of a table by name; lines that begin with # are left out.
-
-    Raises:
-        ValueError: a row and the header have different numbers of values, or there is no header
-        OSError: it cannot be read
-    """
-    lines = io.StringIO(read_text(path), newline="")
-    header, *rows = csv.reader((line for line in lines if not line.startswith("#")), skipinitialspace=True)
-    header = [name.strip() for name in header]
-    if any(len(row) != len(header) for row in rows):
-        raise ValueError("a row and the header have different numbers of values")
-    return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
-
-
 def write_npz(path: Path, arrays: Iterable[tuple[str, npt.NDArray[Any]]], compress: bool = False) -> None:
     """Write a .npz file, array after array with its checksum, complete or not at all; see `replacing`."""
     with replacing(path) as file, ZipFile(file, "w", ZIP_DEFLATED if compress else ZIP_STORED) as archive:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import itertools
 import re
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ from asperity.runtime.files import read_whole
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", None: "white space"}
 BLANK = frozenset({"", "nan"})
 WIDE = 8  # cells from which a row of numbers is one of a table, whatever follows
-_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
+_NUMBER = re.compile(r"[-+]?(inf|(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?)")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")  # what may be 1.234 or 1234
 _ZEROS = re.compile(r"(?:^|,)\s*[-+]?0\d")  # 1,05 in two cells
 _COMMENT = ("#", "%", "!")
@@ -43,9 +44,8 @@ class TextTable:
     separator: str | None
 
     @classmethod
-    def read(cls, path: Path, least: int) -> TextTable:
-        """Find the rows of a file, each with at least so many cells; ValueError where there is no row."""
-        lines = decoded(read_whole(path)).rstrip("\r\n ").splitlines()  # a tab may end a row
+    def of(cls, lines: list[str], least: int) -> TextTable:
+        """Find the rows, each with at least so many cells; ValueError where there is no row."""
         return cls(lines, *_start(lines, least))
 
     @property
@@ -53,6 +53,36 @@ class TextTable:
         """Number and text of the lines before the rows, without marks of comments and without blank lines."""
         bare = ((i, line.strip().lstrip("#%!").strip()) for i, line in enumerate(self.lines[: self.first], 1))
         return [(i, line) for i, line in bare if line]
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """Name and unit of each column in the line above the rows, as delta [um] or delta (um); "" without a unit."""
+        lines = [re.sub(r"\s+(?=[\[(\])])|(?<=[\[(])\s+", "", line) for _, line in self.header[-1:]]
+        cells = (cell.strip(' ",;') for line in lines for cell in self.cells(line))
+        return [(name[1], name[2] or "") for cell in cells if (name := re.fullmatch(r"(.*?)(?:[\[(](.*)[\])])?", cell))]
+
+    def columns(self, units: Mapping[str, Mapping[str, float]]) -> dict[str, tuple[int, float | None]]:
+        """Place of each named column, and the factor of its unit, None where no column has a unit.
+
+        Args:
+            units: legal units of each column that is looked for, with their factors; a column with a unit is left out
+                where there are none
+
+        Raises:
+            ValueError: a name occurs twice, a unit is unknown, or a column has none beside others with units
+        """
+        legal, found = {name.lower(): name for name in units}, dict[str, tuple[int, str]]()
+        for place, (written, unit) in enumerate(self.names):
+            name = legal.get(written.lower(), "")
+            if name in found:
+                raise ValueError(f"a column occurs twice: {name}")
+            if name and (units[name] or not unit):
+                found[name] = place, unit
+        for name, (_, unit) in found.items():
+            if units[name] and unit not in units[name] and any(one for _, one in found.values()):
+                state = f"the unit {unit!r} of {name} is unknown" if unit else f"{name} has no unit beside others"
+                raise ValueError(f"{state}: write it as {name} [UNIT], with one of {', '.join(units[name])}")
+        return {name: (place, units[name].get(unit)) for name, (place, unit) in found.items()}
 
     def cells(self, line: str) -> list[str]:
         """Cells of a line."""
@@ -97,6 +127,11 @@ class TextTable:
             f"row {number} has {cell[:20]!r} among its cells separated by {SEPARATORS[self.separator]}: give a number, "
             "or leave the cell blank where it is missing"
         )
+
+
+def lines_of(path: Path) -> list[str]:
+    """Lines of a file, see `decoded`, without blank ones at its end."""
+    return decoded(read_whole(path)).rstrip("\r\n ").splitlines()  # a tab may end a row
 
 
 def is_text(start: bytes) -> bool:

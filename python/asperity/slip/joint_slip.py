@@ -14,8 +14,8 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError
+from asperity.model.joint import SlipSettings
 from asperity.model.material import Material
-from asperity.model.slip import SlipSettings
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS

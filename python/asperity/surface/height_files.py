@@ -17,7 +17,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
-from asperity.runtime.text_table import TextTable, is_text
+from asperity.runtime.text_table import TextTable, is_text, lines_of
 from asperity.units import LENGTHS
 
 ARRAYS, TEXT = (".npz", ".npy"), (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
@@ -25,8 +25,6 @@ EXACT = 1e-6  # relative difference of sides, or of steps of an array, that are 
 OFF_GRID, STRAIGHT = 0.1, 0.02  # deviation of coordinates of points, and of those beside a matrix, over their step
 LEAST = 4  # heights along a side of a map, for a cubic spline
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
-_UNIT = r'"?\s*(?:[\[(]\s*([^\s\[\]()]+)\s*[\])])?"?'
-_NAMES = re.compile(rf'"?x{_UNIT}[\s,;]+"?y{_UNIT}[\s,;]+"?z{_UNIT}[\s,;]*', re.IGNORECASE)
 
 
 class Heights(NamedTuple):
@@ -62,7 +60,7 @@ def read_heights(
         raise InputError(f"{path}: {name} is for files of {files}")
     try:
         return _of_text(path, metres, missing) if text else _of_arrays(path, metres or 1.0, missing, array)
-    except UNREADABLE as error:
+    except (InputError, *UNREADABLE) as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
 
 
@@ -80,16 +78,16 @@ def steps_of(z: Array, sides: Any) -> tuple[float, float]:
     """Distances of heights (ny, nx) along x and y on a side, or on two sides (unit of the sides).
 
     Raises:
-        ValueError: there is one side only, and as many heights along x as along y there are not
+        InputError: there is one side only, and as many heights along x as along y there are not
     """
     sides = np.ravel(sides)
     if z.ndim != 2 or not 0 < sides.size < 3:
-        raise ValueError(
+        raise InputError(
             f"heights of shape {z.shape} and {sides.size} sides are no map: give (ny, nx) and L, or [Lx, Ly]"
         )
     ny, nx = z.shape
     if sides.size == 1 and nx != ny:
-        raise ValueError(
+        raise InputError(
             f"{nx} x {ny} heights on a side L would have different distances along x and y: write dx and dy, or both "
             "sides as L = [Lx, Ly], beside z into an .npz file, or cut a square with asperity import-map --pixel"
         )
@@ -151,17 +149,16 @@ def _of_text(path: Path, metres: float | None, missing: float | None) -> Heights
 
     Only the names of the columns x, y, z are read of a header: with any other one `metres` must be given.
     """
-    text = TextTable.read(path, 2)
+    text = TextTable.of(lines_of(path), 2)
     table, header = text.numbers(), [line for _, line in text.header]
     last = header[-1][:60] if header else ""
     table[np.isinf(table)] = np.nan
-    names = _NAMES.fullmatch(header[-1]) if header and table.shape[1] == 3 else None
-    units = [unit for unit in names.groups() if unit] if names else []
-    if units and not (len(units) == 3 and set(units) <= LENGTHS.keys()):
-        raise ValueError(f"{last!r} names no units of x, y and z: use {', '.join(LENGTHS)} for each")
-    if names is None and sorted(re.findall(r"\b[xyz]\b", last.lower())) == ["x", "y", "z"]:
-        raise ValueError(f"{last!r} is not understood: name the columns x, y, z in this order, as x [um]")
-    if metres is None and not units and header[: -1 if names else None]:
+    named = text.columns(dict.fromkeys("xyz", LENGTHS))
+    places, units = (list(column) for column in zip(*(named.get(name, (-1, None)) for name in "xyz"), strict=True))
+    known = table.shape[1] == 3 and sorted(places) == [0, 1, 2]
+    if not known and sorted(re.findall(r"\b[xyz]\b", last.lower())) == ["x", "y", "z"]:
+        raise ValueError(f"{last!r} is not understood: name the columns x, y, z alone, as x [um]")
+    if metres is None and None in units and header[: -1 if known else None]:
         raise ValueError(
             f"{last!r} is a header, and none is read: give unit and distance of heights (--unit 6e-8 --pixel 1e-6), "
             "let SurfaceTopography read it (--channel 1), or remove it"
@@ -177,13 +174,14 @@ def _of_text(path: Path, metres: float | None, missing: float | None) -> Heights
             )
         _refuse_coordinates(table)
         return Heights((metres or 1.0) * _without_marks(table, missing), None)
+    table = table[:, places] if known else table
     table = table[np.isfinite(table[:, :2]).all(axis=1)]
     (nx, dx, ix), (ny, dy, iy) = (_grid(name, table[:, i], OFF_GRID) for i, name in enumerate("xy"))
     if nx * ny > 2 * len(table) or np.unique(iy * nx + ix).size != len(table):
         raise ValueError(f"{len(table)} points x, y, z are no map of {nx} x {ny} places, one height for each")
     z = np.full((ny, nx), np.nan)
     z[iy, ix] = _without_marks(table[:, 2], missing)
-    ux, uy, uz = [LENGTHS[unit] for unit in units] or [metres or 1.0] * 3
+    ux, uy, uz = ((metres or 1.0) if unit is None else unit for unit in units)
     return Heights(z * uz, (dx * ux, dy * uy))
 
 

@@ -25,7 +25,7 @@ from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, SCRIPT, declared, key
 from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Side, light_depth, short_wave_share
-from asperity.surface.height_files import ARRAYS, EXACT, TEXT
+from asperity.surface.height_files import ARRAYS, EXACT, TEXT, steps_of
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scans import HeightField
 from asperity.surface.shapes import Flat
@@ -100,7 +100,8 @@ class HeightMap(SplineSurface):
         Raises:
             InputError: another shape, a height that is not finite, or an illegal side
         """
-        return cls(path="", field=HeightField.of(np.asarray(z, dtype=float), L))
+        z = np.asarray(z, dtype=float)
+        return cls(path="", field=HeightField(z, *steps_of(z, L)))
 
     @property
     def heights(self) -> Array:

@@ -127,14 +127,6 @@ class HeightField:
         except (ValueError, InputError) as error:
             raise InputError(f"{path}: {error}") from None
 
-    @classmethod
-    def of(cls, z: Array, sides: float | tuple[float, float]) -> HeightField:
-        """Heights (ny, nx) on a square side, or on their two sides along x and y (length)."""
-        try:
-            return cls(z, *steps_of(z, sides))
-        except ValueError as error:
-            raise InputError(str(error)) from None
-
     def missing_in(self, x: float, y: float, side: float) -> float:
         """Share of the heights that are missing in the square of :meth:`window`, 0 outside the map."""
         of_y, of_x = (

@@ -64,14 +64,26 @@ class Flat(Surface):
 
 
 @declared("surface", eq=False, kw_only=True)
-class Bump(Surface):
-    """A body of revolution with its apex at height 0: a cap of a sphere and the tangent cone beyond."""
+class Indenter(Surface):
+    """A body with one summit, at height 0."""
 
     centre: Point = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._complete(centre=on_patch(self.centre, self.L))
+
+    def _offset(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        x, y = _points(x, y)
+        return x - self.centre[0], y - self.centre[1]
+
+    def maximum(self) -> tuple[float, float, float]:
+        """Apex (x, y, z) (length)."""
+        return (*self.centre, 0.0)
+
+
+class Bump(Indenter):
+    """A body of revolution: a cap of a sphere and the tangent cone beyond."""
 
     @property
     def _cap(self) -> tuple[float, float]:
@@ -90,31 +102,22 @@ class Bump(Surface):
         bend = np.where(cap, -1 / root**3, -slope / outer**3)
         return z, over_r, bend
 
-    def _offset(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        x, y = _points(x, y)
-        dx, dy = x - self.centre[0], y - self.centre[1]
-        return dx, dy, np.hypot(dx, dy)
-
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return self._profile(self._offset(x, y)[2])[0]
+        return self._profile(np.hypot(*self._offset(x, y)))[0]
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        dx, dy, r = self._offset(x, y)
-        over_r = self._profile(r)[1]
+        dx, dy = self._offset(x, y)
+        over_r = self._profile(np.hypot(dx, dy))[1]
         return over_r * dx, over_r * dy
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        dx, dy, r = self._offset(x, y)
-        _, over_r, bend = self._profile(r)
+        dx, dy = self._offset(x, y)
+        _, over_r, bend = self._profile(np.hypot(dx, dy))
         return over_r + bend * dx**2, bend * dx * dy, over_r + bend * dy**2
 
     def curvature_bound(self) -> float:
         R, rim = self._cap
         return R**2 / (R**2 - rim**2) ** 1.5  # meridian, at the rim of the cap
-
-    def maximum(self) -> tuple[float, float, float]:
-        """Apex (x, y, z) (length)."""
-        return (*self.centre, 0.0)
 
 
 @declared("surface", eq=False, kw_only=True)
@@ -173,7 +176,7 @@ class Cone(Bump):
 
 
 @declared("surface", eq=False, kw_only=True)
-class Pyramid(Surface):
+class Pyramid(Indenter):
     """A pyramid with its apex at height 0: Berkovich's, Vickers', the corner of a cube.
 
     One of three faces falls along y; those of four fall along x and y.
@@ -189,21 +192,14 @@ class Pyramid(Surface):
         "angle of the faces to the axis [degrees]", default=65.3, ge=5, lt=90,
         hint="Berkovich 65.3, Vickers 68, corner of a cube 35.26",
     )  # fmt: skip
-    centre: Point | None = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
 
     kind: ClassVar[str] = "pyramid"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        object.__setattr__(self, "centre", on_patch(self.centre, self.L))
-
     def _faces(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         """Heights of the planes of all faces (..., faces), and their slopes along x and y (faces, 2)."""
-        assert self.centre is not None
-        x, y = _points(x, y)
         at = np.pi * (0.5 + 2.0 * np.arange(self.faces) / self.faces)
         slopes = -np.stack([np.cos(at), np.sin(at)], axis=-1) / math.tan(math.radians(self.angle))
-        return np.stack([x - self.centre[0], y - self.centre[1]], axis=-1) @ slopes.T, slopes
+        return np.stack(self._offset(x, y), axis=-1) @ slopes.T, slopes
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         return np.asarray(self._faces(x, y)[0].min(axis=-1))
@@ -219,8 +215,3 @@ class Pyramid(Surface):
 
     def curvature_bound(self) -> float:
         return 1.0 / (SHARP * self.L)  # of its edges
-
-    def maximum(self) -> tuple[float, float, float]:
-        """Apex (x, y, z) (length)."""
-        assert self.centre is not None
-        return (*self.centre, 0.0)

@@ -1,66 +1,21 @@
-"""Measured curves: two named columns in a text file, made to a law with what the scatter of the rows leaves open."""
+"""Measured curves: rows of approach and force, made to a law with what the scatter of the rows leaves open."""
 
 from __future__ import annotations
-
-import re
-from pathlib import Path
 
 import numpy as np
 from scipy.stats import spearmanr
 
 from asperity.arrays import Array
-from asperity.curve import COLUMNS
 from asperity.errors import InputError
-from asperity.runtime.text_table import TextTable
-from asperity.units import LENGTHS
 from asperity.vibration.curve_law import MIN_POINTS, CurveLaw
 from asperity.vibration.local_fit import LocalFit
 
-FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "nN": 1e-9, "pN": 1e-12}
-UNITS = {"delta": LENGTHS, "force": FORCES}
 FALL = 0.05  # share of the greatest force by which the law of a contact may fall
 SCATTER = 0.12  # of the force between neighbours, above which the law is the fit and not the points
 _ORDERED = 0.9  # rank correlation of approach and time from which rows are in the order of time
 _STEPS = 0.856  # 1.4826/sqrt(3): deviation of a step between neighbours over the median of second differences
 _NODES = 60  # of a law that is a fit
 _LATE = 0.5  # first force over the greatest, above which a curve does not begin at first contact
-
-
-def read_table(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Columns by name (n,), approach and force in m and N where their units are named, and how they were read.
-
-    The line above the first row names the columns: delta [um], force [N].
-
-    Raises:
-        InputError: there is no such file, a column is missing, its unit unknown, or a cell of it no number
-    """
-    try:
-        table = TextTable.read(path / "curve.csv" if path.is_dir() else path, 2)
-        heading = table.cells(table.header[-1][1]) if table.header else []
-        found = [re.fullmatch(r"(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?", cell.strip()) for cell in heading]
-        units = {name[1]: name[2] for name in found if name and name[1] in UNITS}
-        if set(units) != set(UNITS):
-            raise ValueError(
-                f"a line above its rows must name columns delta and force, and has {', '.join(heading)[:60]!r}"
-            )
-        if len(named := {name: unit for name, unit in units.items() if unit}) == 1:
-            raise ValueError("approach or force has no unit: name both, as delta [um], force [N], or none for SI units")
-        for name, unit in named.items():
-            if unit not in UNITS[name]:
-                raise ValueError(f"the unit {unit!r} of {name} is unknown: use {', '.join(UNITS[name])}")
-        columns: dict[str, Array] = {}
-        rows = table.rows()
-        for j, name in enumerate(name[1] if name else "" for name in found):
-            if name == "branch":
-                columns[name] = np.array([cells[j] for _, cells in rows])
-            elif name in COLUMNS:
-                factor = UNITS[name][named[name]] if name in named else 1.0
-                columns[name] = factor * np.array([table.value(cells[j], line) for line, cells in rows])
-    except OSError as error:
-        raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(f"the curve {path} cannot be read: {error}") from error
-    return columns, ("approach and force have the units of the file, here metres and newtons",) if named else ()
 
 
 def branches(delta: Array, force: Array) -> tuple[Array, Array, str]:

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Indices
-from asperity.curve import Curve
+from asperity.curve import COLUMNS, Curve
+from asperity.curve.curve import read_curve
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
@@ -24,7 +25,7 @@ from asperity.model.limits import one_of, positive, within
 from asperity.vibration.curve_law import MIN_POINTS, CurveLaw
 from asperity.vibration.law import Law, PowerLaw
 from asperity.vibration.local_fit import LocalFit
-from asperity.vibration.measured import branches, law_of_rows, read_table
+from asperity.vibration.measured import branches, law_of_rows
 
 SIZES = (1e-100, 1e100)  # of the greatest approach and force, so that products do not overflow
 LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block
@@ -69,17 +70,21 @@ class CurveColumns:
         Raises:
             InputError: there is no such file, or a column is missing, empty, or contains what is not a number
         """
-        table, notes = read_table(Path(source)) if isinstance(source, (str, os.PathLike)) else (source, ())
-        curve = table if isinstance(table, Curve) else Curve.from_columns(table)
+        if isinstance(source, (str, os.PathLike)):
+            curve, names, *notes = read_curve(Path(source))
+        elif isinstance(source, Curve):
+            curve, names, notes = source, set(COLUMNS), []
+        else:
+            curve, names, notes = Curve.from_columns(source), set(source), []
         if not len(curve) or curve.force.max() <= 0.0:
             raise InputError("no force of the curve is positive: compression counts positive, so reverse its sign")
         for name in ("delta", "force"):
             if greatest := float(np.abs(getattr(curve, name)).max()):
                 within(f"the greatest {name} of the curve", greatest, SIZES)
-        measured = curve is not table and not {"step", "k_n_elastic"} & set(table)
-        if measured and "branch" not in table:
+        measured = not {"step", "k_n_elastic"} & names
+        if measured and "branch" not in names:
             rows, branch, done = branches(curve.delta, curve.force)
-            curve, notes = replace(curve.where(rows), branch=branch), notes + ((done,) if done else ())
+            curve, notes = replace(curve.where(rows), branch=branch), [*notes, done]
         k, solid = curve.k_n_elastic, float(curve.delta.max())
         share = 1.0 - block * np.where(k > 0.0, k, 0.0)  # of the interface in the compliance
         part = factor / np.where(share > LEAST, share, np.nan)
@@ -87,7 +92,7 @@ class CurveColumns:
             curve, delta=curve.delta - block * curve.force, force=factor * curve.force, k_n_elastic=part * k,
             error_k_n_elastic=part / share * curve.error_k_n_elastic,
         )  # fmt: skip
-        return cls(curve, solid, measured, notes)
+        return cls(curve, solid, measured, tuple(filter(None, notes)))
 
     def bar_at(self, load: float, name: str = "P_star") -> float:
         """Error bar of a column over it, see `Curve.bar`, of the row nearest in force; NaN if unknown."""
