@@ -114,7 +114,7 @@ def test_any_text_is_a_sound_curve_or_refused_by_the_name_of_its_file(text: str)
     [
         ("delta,forces\n1,2\n", r'unknown column \'forces\' \(did you mean "force"\?\)'),
         ("delta,P_star\n1,2\n", "column 'force' is missing"),
-        ("delta,force\n1,2\n3,four\n", "line 3: force = 'four' is not a number"),
+        ("delta,force\n1,2\n3,four\n", "force = 'four' is not a number"),
         ("delta,force\n1,\n", "'force' is not finite in step 1"),
     ],
 )

@@ -16,8 +16,7 @@ from asperity.arrays import Array
 from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
-from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
-from asperity.runtime.text_table import decoded
+from asperity.runtime.files import read_csv, read_text, write_csv
 
 if TYPE_CHECKING:
     from asperity.curve.power_law import PowerLawFit
@@ -294,8 +293,7 @@ class Curve:
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""
         comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
-        rows = ({name: None if x != x else x for name, x in row.items()} for row in self.rows())
-        write_csv(Path(path), COLUMNS, rows, comment)
+        write_csv(Path(path), COLUMNS, self.rows(), comment)
 
     @staticmethod
     def read(path: str | Path) -> Curve:
@@ -306,30 +304,17 @@ class Curve:
 
         Raises:
             InputError: the file does not exist, has no or unknown column names, or a value that is not a number
-                (the message gives its line)
         """
         try:
-            return _parsed(Path(path))
+            first = read_text(path).partition("\n")[0]
+            header = json.loads(first[1:]) if first.startswith("#") else {}
+            if not isinstance(header, dict):
+                raise InputError("the header in its first line must be a JSON object")
+            cells = read_csv(Path(path))
+            _check_names(cells)
+            return Curve.from_columns({name: [_parse(name, text) for text in cells[name]] for name in cells}, header)
         except (InputError, OSError, ValueError, OverflowError, RecursionError, csv.Error) as error:
             raise InputError(f"{path} cannot be read as a curve: {error}") from None
-
-
-def _parsed(path: Path) -> Curve:
-    """Curve of a file."""
-    lines = decoded(read_whole(path, MOST_TEXT)).splitlines()
-    header, skip = _read_header(lines)
-    if len(lines) <= skip:
-        raise InputError(f"no column names; expected {','.join(COLUMNS)}.")
-    names = [name.strip() for name in lines[skip].split(",")]
-    _check_names(names)
-    rows = []
-    for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
-        if not any(map(str.strip, values)):
-            continue
-        if len(values) != len(names):
-            raise InputError(f"line {number}: {len(values)} values for {len(names)} columns.")
-        rows.append({name: _parse(name, text, number) for name, text in zip(names, values, strict=True)})
-    return Curve.from_rows(rows, header)
 
 
 _TABLE = {each.name: each.metadata for each in fields(Curve) if each.metadata}
@@ -356,28 +341,14 @@ def _check_names(names: Any) -> None:
     for name in names:
         if name not in COLUMNS:
             raise InputError(f"unknown column {name!r}{nearest(name, COLUMNS)}; legal: {', '.join(COLUMNS)}.")
-    if len(set(names)) < len(names):
-        raise InputError(f"a column occurs twice in {', '.join(names)}.")
     for name in _REQUIRED:
         if name not in names:
             raise InputError(f"column {name!r} is missing.")
 
 
-def _read_header(lines: list[str]) -> tuple[dict[str, Any], int]:
-    if not lines or not lines[0].startswith("#"):
-        return {}, 0
-    try:
-        header = json.loads(lines[0][1:])
-    except json.JSONDecodeError as error:
-        raise InputError(f"line 1: the header is not JSON ({error}).") from None
-    if not isinstance(header, dict):
-        raise InputError("line 1: the header must be a JSON object.")
-    return header, 1
-
-
-def _parse(name: str, text: str, line: int) -> Any:
+def _parse(name: str, text: str) -> Any:
     kind = _KINDS[name]
     try:
         return kind(text.strip()) if text.strip() else _UNKNOWN[kind]
     except ValueError:
-        raise InputError(f"line {line}: {name} = {text!r} is not a number.") from None
+        raise InputError(f"{name} = {text[:40]!r} is not a number.") from None

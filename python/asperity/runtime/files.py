@@ -150,29 +150,46 @@ def _readable(kind: str) -> Iterator[None]:
         raise ValueError(f"it is not a whole {kind} file of numbers") from None
 
 
-def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "") -> None:
-    """Write a table: a comment if there is one, the names, a line per row; None and absent values are empty cells."""
+def write_csv(
+    path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "", digits: int = 17
+) -> None:
+    """Write a table: a comment if there is one, the names, a line per row of numbers with so many digits at most.
+
+    Absent values, None and NaN are empty cells.
+    """
+
+    def cell(value: Any) -> str:
+        if value is None or value != value:
+            return ""
+        if isinstance(value, bool):
+            return str(value).lower()
+        return str(float(f"{value:.{digits}g}") if isinstance(value, float) else value)
+
     text = io.StringIO(newline="")
     text.write(f"# {comment}\n" if comment else "")
-    table = csv.DictWriter(text, names, restval="", lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(names)
+    table.writerows([cell(row.get(name)) for name in names] for row in rows)
     replace_file(path, text.getvalue().encode())
 
 
 def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
-    """Columns of a table by name; lines that begin with # are left out.
+    """Columns of a table by name; blank lines, and lines that begin with #, are left out.
 
     Raises:
-        ValueError: a row and the header have different numbers of values, or there is no header
+        ValueError: a row and the header have different numbers of values, a name occurs twice, or there is no header
         OSError: it cannot be read
     """
     lines = io.StringIO(read_text(path), newline="")
-    header, *rows = csv.reader((line for line in lines if not line.startswith("#")), skipinitialspace=True)
-    header = [name.strip() for name in header]
-    if any(len(row) != len(header) for row in rows):
-        raise ValueError("a row and the header have different numbers of values")
-    return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
+    rows = [row for row in csv.reader((line for line in lines if line[:1] != "#"), skipinitialspace=True) if any(row)]
+    if not rows:
+        raise ValueError("there are no column names")
+    names = [name.strip() for name in rows.pop(0)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"a column occurs twice in {', '.join(names)}")
+    if any(len(row) != len(names) for row in rows):
+        raise ValueError(f"a row has more or fewer values than the {len(names)} columns")
+    return dict(zip(names, zip(*rows, strict=True) if rows else [()] * len(names), strict=True))
 
 
 def write_npz(path: Path, arrays: Iterable[tuple[str, npt.NDArray[Any]]], compress: bool = False) -> None:
