@@ -147,7 +147,7 @@ def _self_affine(read: HeightField, patch: HeightField) -> tuple[Spectrum, SelfA
 
 def _draw(folder: Path, surface: HeightMap, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
     from asperity.plot import save
-    from asperity.plot.fields import spectrum_figure
+    from asperity.plot.contact import spectrum_figure
 
     draw(folder, surface, "m")
     save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")

@@ -53,7 +53,7 @@ def draw(folder: Path, surface: Surface, metre: str) -> Path:
     """Write a picture of a surface, and return its path."""
     from asperity.plot import save, surface_map
 
-    return save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
+    return save(surface_map(surface, metre), folder / "surface.png")
 
 
 def show_iso(iso: Iso, metre: str) -> None:

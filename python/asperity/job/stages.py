@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -148,7 +148,7 @@ def _indentation(job: Job) -> None:
     """Section "indentation" of summary.json."""
     found = on_root_bcast(job.comm, lambda: indentation_of(job.solved.problem, job.solved.contact.curve))
     if found is not None:
-        job.summary["indentation"] = found.to_dict()
+        job.summary["indentation"] = asdict(found)
 
 
 def _assumptions(job: Job) -> None:

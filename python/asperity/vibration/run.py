@@ -10,8 +10,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asperity.errors import ConvergenceError, InputError
 from asperity.model.dynamics import DynamicsSettings
 from asperity.runtime import run_folder
