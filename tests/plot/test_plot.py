@@ -19,8 +19,7 @@ import asperity as asp
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.fields import gather_top_states
-from asperity.output.raster import Raster
-from asperity.output.results import Results
+from asperity.output.results import Raster, Results
 from asperity.plot import (
     CAPTIONS,
     contact_area,

@@ -30,7 +30,7 @@ from asperity.runtime.progress import Progress, RunLog
 from asperity.runtime.usage import Phases
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics
-from asperity.vibration.numbers import Numbers
+from asperity.vibration.oscillator import Numbers
 from asperity.vibration.run import small_vibration
 
 if TYPE_CHECKING:

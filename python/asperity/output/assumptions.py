@@ -20,7 +20,7 @@ from asperity.surface.shapes import SHARP
 from asperity.units import quantity
 
 if TYPE_CHECKING:
-    from asperity.vibration.numbers import Numbers
+    from asperity.vibration.oscillator import Numbers
 
 FINE, DOUBTFUL = "fine", "doubtful"
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a

@@ -16,8 +16,7 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from asperity.arrays import Array
-from asperity.output.raster import PIXELS, Raster, facets
-from asperity.output.results import Results
+from asperity.output.results import PIXELS, Raster, Results, facets
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
 from asperity.reference.leakage import flow
@@ -209,7 +208,7 @@ def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
 
 @style.styled
 def contact_area(results: Results) -> Figure:
-    """(a) Contact area over load. (b) Distribution of the contact pressure over the nominal area at the greatest load."""
+    """(a) Contact area over load. (b) Distribution of the pressure over the nominal area at the greatest load."""
     figure, (area, pressure) = style.figure(style.DOUBLE, 3.6, "contact area", "pressure at the greatest load")
     draw_branches(area, results, "P_star", "area_fraction", names=("load",))
     area.set(xlabel=LOAD, ylabel="contact area over the nominal area")

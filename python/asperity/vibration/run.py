@@ -18,8 +18,7 @@ from asperity.runtime.files import replace_file, write_csv
 from asperity.vibration.free import FreeVibration, Thresholds
 from asperity.vibration.law import Law
 from asperity.vibration.motion import Trajectory
-from asperity.vibration.numbers import Numbers
-from asperity.vibration.oscillator import GRAVITY, ContactOscillator
+from asperity.vibration.oscillator import GRAVITY, ContactOscillator, Numbers
 from asperity.vibration.response import FrequencyResponse, finite
 from asperity.vibration.source import Choice, CurveColumns, choose
 
