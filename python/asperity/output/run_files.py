@@ -6,7 +6,7 @@ import json
 import platform
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from functools import cached_property, partial
 from importlib import metadata
@@ -19,6 +19,7 @@ from asperity.case import Case
 from asperity.case.identity import identity, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
+from asperity.output.results import Results
 from asperity.runtime import run_folder
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
@@ -183,11 +184,9 @@ class RunFiles:
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """Contents of summary.json of a run; nothing where it is absent or damaged."""
-    try:
-        found = json.loads(read_text(folder / run_folder.SUMMARY))
-    except UNREADABLE:
-        return {}
-    return found if isinstance(found, dict) else {}
+    with suppress(InputError):
+        return dict(Results.read(folder, parts=("summary",)).summary)
+    return {}
 
 
 def _write_summary(summary: dict[str, Any], folder: Path) -> None:
