@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
+from asperity.curve.slope import fitted_rows, legs, slopes
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import read_csv, read_text, write_csv
@@ -242,24 +242,6 @@ class Curve:
     def top(self) -> int:
         """Row of the greatest force, the first where a hold keeps the force."""
         return int(np.argmax(self.force >= (1.0 - 1e-5) * np.max(self.force)))
-
-    def planned(self) -> Curve:
-        """Steps of the first loading that end at the planned, equal increments of the approach.
-
-        A fit over all points would give light loads a weight that grows with the number of steps that were cut. The
-        increment is the smallest one whose multiples are all present. A path without such an increment (driven by
-        force, or measured) keeps all its points.
-        """
-        load = self.loading()
-        return load.where(planned_rows(load.delta))
-
-    def unloading(self) -> Curve:
-        """Steps of branch "unload"."""
-        return self.where(self.branch == "unload")
-
-    def reloading(self) -> Curve:
-        """Steps of branch "reload"."""
-        return self.where(self.branch == "reload")
 
     def legs(self) -> list[Curve]:
         """Loadings and unloadings in order, each after the first with the end of the one before."""
