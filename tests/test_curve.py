@@ -12,6 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from asperity.curve import BRANCHES, COLUMNS, Curve
+from asperity.curve.slope import planned_rows
 from asperity.errors import InputError
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.output.comparison import compare_curves
@@ -48,8 +49,8 @@ def test_csv_is_lossless(tmp_path, header):
 def test_branches_and_rows():
     curve = make_curve()
     assert len(curve) == 4
-    assert [len(c) for c in (curve.loading(), curve.unloading(), curve.reloading())] == [2, 1, 1]
-    assert curve.unloading().step.tolist() == [2]
+    assert len(curve.loading()) == 2 and [leg.step.tolist() for leg in curve.legs()] == [[0, 1], [1, 2], [2, 3]]
+    assert curve.where(curve.branch == "unload").step.tolist() == [2]
     row = list(curve.rows())[2]
     assert row["branch"] == "unload" and type(row["newton"]) is int and type(row["force"]) is float
 
@@ -157,11 +158,10 @@ def test_missing_and_binary_files_are_refused(tmp_path):
 def test_planned_points_are_those_of_equal_steps():
     planned, pieces = [1.0, 2.0, 3.0, 4.0], [0.25, 0.5, 0.75, 1.5, 2.25]
     rows = [{"delta": d * 0.1 / 4, "force": d} for d in sorted(planned + pieces)]
-    curve = Curve.from_rows([*rows, {"delta": 0.05, "force": 1.0, "branch": "unload"}])
-    assert curve.planned().force.tolist() == planned
-    measured = Curve.from_rows([{"delta": d, "force": d} for d in (0.1, 0.25, 0.33)])
-    assert len(measured.planned()) == 3
-    assert len(curve.where(np.array([], dtype=int)).planned()) == 0
+    curve = Curve.from_rows(rows)
+    assert curve.where(planned_rows(curve.delta)).force.tolist() == planned
+    assert len(planned_rows(np.array([0.1, 0.25, 0.33]))) == 3
+    assert len(planned_rows(np.empty(0))) == 0
 
 
 def test_a_dimensionless_fit_needs_dimensionless_columns():
@@ -173,8 +173,7 @@ def test_a_dimensionless_fit_needs_dimensionless_columns():
 @pytest.mark.parametrize("first", [1e-320, 1e-13, 1e-3])
 def test_planned_points_of_a_curve_with_a_tiny_first_approach(first: float):
     """There cannot be more increments than rows."""
-    curve = Curve.from_rows([{"delta": d, "force": d} for d in (first, 1.0, 2.0, 3.0)])
-    assert curve.planned().delta.tolist() == [1.0, 2.0, 3.0]
+    assert planned_rows(np.array([first, 1.0, 2.0, 3.0])).tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize("substeps", [1, 2, 4])
@@ -182,8 +181,8 @@ def test_planned_points_of_a_curve_with_a_tiny_first_approach(first: float):
 def test_planned_points_of_the_midpoint_rule(steps: int, substeps: int):
     """Its first steps are divided; this adds no planned points."""
     stops = Schedule(delta_max=1.0, steps=steps, integrator=MIDPOINT, substeps=substeps).stops()
-    planned = Curve.from_rows([{"delta": 0.03e-6 * x, "force": x} for x in stops]).planned()
-    np.testing.assert_allclose(planned.force, np.arange(1, steps * substeps + 1) / (steps * substeps), rtol=1e-12)
+    planned = np.array(stops)[planned_rows(0.03e-6 * np.array(stops))]
+    np.testing.assert_allclose(planned, np.arange(1, steps * substeps + 1) / (steps * substeps), rtol=1e-12)
 
 
 def test_the_message_of_an_unresolved_contact_is_true_for_a_large_one():

@@ -22,7 +22,7 @@ SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-
 @pytest.fixture(autouse=True)
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """tests/test_interactive.py makes them."""
-    for name in ("save", "surface_map", "fields.spectrum_figure"):
+    for name in ("save", "surface_map", "contact.spectrum_figure"):
         monkeypatch.setattr(f"asperity.plot.{name}", lambda *_, **__: None)
 
 

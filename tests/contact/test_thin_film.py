@@ -11,7 +11,7 @@ from asperity.arrays import Floats
 from asperity.contact.thin_film import ThinFilm, transmissivity
 from asperity.model.settings import MeshSize
 from asperity.output.fields import gather_top_states
-from asperity.output.raster import Raster
+from asperity.output.results import Raster
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.surface import Flat, HeightMap, Surface

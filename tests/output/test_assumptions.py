@@ -29,7 +29,7 @@ from asperity.reference import Hertz
 from asperity.runtime.progress import logged
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface.scans import HeightField
-from asperity.vibration.numbers import Numbers
+from asperity.vibration.oscillator import Numbers
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 

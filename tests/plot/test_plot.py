@@ -19,8 +19,7 @@ import asperity as asp
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.fields import gather_top_states
-from asperity.output.raster import Raster
-from asperity.output.results import Results
+from asperity.output.results import Raster, Results
 from asperity.plot import (
     CAPTIONS,
     contact_area,
@@ -88,7 +87,7 @@ def test_every_axis_has_quantity_and_unit(results: Results) -> None:
     k = 1e4 * curve.P_star
     known = replace(results, curve=replace(curve, k_n=k, k_n_elastic=2.0 * k, k_t=k, mean_gap=1e-7 - curve.delta))
     assert "stiffness" in figures_of(known) and "stiffness" not in figures_of(results)
-    heights = surface_map(surface.grid(33), surface.L, surface.maximum())
+    heights = surface_map(surface, n=33)
     assert heights.axes[1].get_ylabel() == "height above the mean plane (nm)"
     assert pressure_maps(results).axes[-1].get_ylabel().startswith("contact pressure (")
     for figure in (contact_area(results), force_curve(results), stiffness(known)):

@@ -16,7 +16,7 @@ from asperity.fem.energies import equivalent_strain
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
-from asperity.output.raster import Raster
+from asperity.output.results import Raster
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.measures import mean_stress, row
 from asperity.surface import Sinusoid, Surface

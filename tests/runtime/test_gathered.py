@@ -15,7 +15,7 @@ import pytest
 from asperity.errors import OutputError
 from asperity.quasistatic.checkpoint import read_rows, write_arrays
 from asperity.runtime.files import read_npz
-from asperity.runtime.gathered import gather, hand_out
+from asperity.runtime.parallel import gather, hand_out
 
 
 def world() -> Any:

@@ -15,7 +15,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
 from stat import S_ISREG
@@ -341,21 +341,24 @@ def test_one_process_works_in_the_folder_of_a_run(
     assert in_another_process("run", other, "-o", out, "--force", "-q")[0] == 0  # the lock is gone with its run
 
 
-def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(tmp_path: Path) -> None:
-    """Both have found it missing; the second makes its mesh while the first one runs, or has ended."""
-    other = case_of(loading={"delta_max": 0.01, "steps": 1})
-    for again in (False, True):
-        out = tmp_path / str(again)
+@pytest.mark.parametrize("refused", [True, False])
+def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(tmp_path: Path, refused: bool) -> None:
+    """The second one begins while the first one makes its mesh; a first one that is then refused leaves nothing."""
+    out = tmp_path / "new/out"
 
-        class First(Interfering):
-            def stage(self, name: str) -> None:
-                once, self.call = self.call, None
-                if once is not None:
-                    once()
+    def second() -> None:
+        with pytest.raises(InputError, match="another process works in"):
+            run(case_of(loading={"delta_max": 0.01, "steps": 1}), out)
+        if refused:
+            raise InputError("no mesh")
 
-        with pytest.raises(InputError, match="another run has worked in"):
-            run(other, out, progress=First(partial(run, case_of(), out)), resume=again)
-        assert_same(Curve.read(out / "curve.csv"), straight("soft")[0])
+    class First(Interfering):
+        def stage(self, name: str) -> None:
+            self.step({}, 0.0)
+
+    with pytest.raises(InputError, match="no mesh") if refused else nullcontext():
+        run(case_of(), out, progress=First(second))
+    assert not (tmp_path / "new").exists() if refused else results(out) == straight("soft")[1]
 
 
 def long_run(folder: Path) -> subprocess.Popen[bytes]:

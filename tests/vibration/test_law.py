@@ -16,7 +16,7 @@ from asperity.errors import RangeError
 from asperity.vibration import ContactOscillator, CurveLaw, Equation, Law, PowerLaw, TaylorLaw
 from asperity.vibration.curve_law import Bars
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import Numbers
+from asperity.vibration.oscillator import Numbers
 
 Z = np.linspace(0.0, 1.0, 61)[1:]
 MIXED = CurveLaw(Z, Z**1.5 + 0.3 * Z**2)

@@ -14,7 +14,7 @@ from asperity.case import Case
 from asperity.errors import AsperityWarning, RangeError
 from asperity.vibration import CurveLaw, PowerLaw, law_from, run_dynamics
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import Numbers
+from asperity.vibration.oscillator import Numbers
 from asperity.vibration.source import LACK, CurveColumns, choose
 
 QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}

@@ -97,11 +97,11 @@ def _tangential(
         )
     found = tangential_vibration(case, curve, settings, forcing, zeta)
     if output:
-        from asperity.plot.slip import response
         from asperity.plot.style import save_in
+        from asperity.plot.vibration import slip_response
 
         found.write(output)
-        save_in(Path(output), "slip_response", response(found))
+        save_in(Path(output), "slip_response", slip_response(found))
     if as_json:
         options.print_json(found.to_dict())
         return

@@ -72,7 +72,7 @@ def import_map(
     0.2um; without a unit in metres. OUT receives patch.npz, case.toml, measured.json and pictures.
     """
     from asperity.plot import save
-    from asperity.plot.fields import spectrum_figure
+    from asperity.plot.contact import spectrum_figure
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, ProgressLine
     from asperity.runtime.run_folder import holds_run

@@ -32,7 +32,7 @@ def described(surface: Surface, folder: Path | None, metre: str) -> dict[str, An
             steps = steps_of(surface.heights, (surface.L, surface.L))
             iso = HeightField(surface.heights, *steps).iso25178()
         folder.mkdir(parents=True, exist_ok=True)
-        save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
+        save(surface_map(surface, metre), folder / "surface.png")
     return {
         "statistics": asdict(surface.statistics()), "iso25178": iso,
         "shortest_wavelength": surface.feature_size, "first_touch": surface.maximum(),

@@ -18,7 +18,7 @@ from asperity.mesh.block import Top
 from asperity.mesh.distribute import TOP
 from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
-from asperity.runtime.gathered import gather
+from asperity.runtime.parallel import gather
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost
 IN_ORDER = (0, 1, 2, 5, 3, 4)  # nodes of a facet, corners and opposite edges, in the order of `element.FACES`

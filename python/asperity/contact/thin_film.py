@@ -20,8 +20,7 @@ from asperity.contact.contact_surface import IN_ORDER, ContactSurface, facet_num
 from asperity.mesh import element
 from asperity.mesh.block import NEAR
 from asperity.reference.leakage import INLET, OUTLET, network_flow
-from asperity.runtime.gathered import gather
-from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.parallel import gather, on_root_bcast
 
 if TYPE_CHECKING:
     from asperity.surface import Surface

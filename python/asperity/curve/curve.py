@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
+from asperity.curve.slope import fitted_rows, legs, slopes
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import write_csv
@@ -248,24 +248,6 @@ class Curve:
         """Row of the greatest force, the first where a hold keeps the force."""
         return int(np.argmax(self.force >= (1.0 - 1e-5) * np.max(self.force)))
 
-    def planned(self) -> Curve:
-        """Steps of the first loading that end at the planned, equal increments of the approach.
-
-        A fit over all points would give light loads a weight that grows with the number of steps that were cut. The
-        increment is the smallest one whose multiples are all present. A path without such an increment (driven by
-        force, or measured) keeps all its points.
-        """
-        load = self.loading()
-        return load.where(planned_rows(load.delta))
-
-    def unloading(self) -> Curve:
-        """Steps of branch "unload"."""
-        return self.where(self.branch == "unload")
-
-    def reloading(self) -> Curve:
-        """Steps of branch "reload"."""
-        return self.where(self.branch == "reload")
-
     def legs(self) -> list[Curve]:
         """Loadings and unloadings in order, each after the first with the end of the one before."""
         return [self.where(np.arange(max(start - 1, 0), stop)) for start, stop in legs(self.branch) if stop > start]
@@ -298,8 +280,7 @@ class Curve:
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""
         comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
-        rows = ({name: None if x != x else x for name, x in row.items()} for row in self.rows())
-        write_csv(Path(path), COLUMNS, rows, comment)
+        write_csv(Path(path), COLUMNS, self.rows(), comment)
 
     @staticmethod
     def read(path: str | Path) -> Curve:
@@ -381,8 +362,6 @@ def _check_names(names: Any) -> None:
     for name in names:
         if name not in COLUMNS:
             raise InputError(f"unknown column {name!r}{nearest(name, COLUMNS)}; legal: {', '.join(COLUMNS)}.")
-    if len(set(names)) < len(names):
-        raise InputError(f"a column occurs twice in {', '.join(names)}.")
     for name in _REQUIRED:
         if name not in names:
             raise InputError(f"column {name!r} is missing.")

@@ -83,7 +83,12 @@ def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
 
 
 def planned_rows(delta: Array) -> Array:
-    """Indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
+    """Indices (m,) of the steps that end at the planned, equal increments of the approach delta (n,) of a loading.
+
+    A fit over all points would give light loads a weight that grows with the number of steps that were cut. The
+    increment is the smallest one whose multiples are all present. A path without such an increment (driven by force, or
+    measured) keeps all its points.
+    """
     every = np.arange(len(delta))
     if not len(delta) or np.any(np.diff(delta, prepend=0.0) <= 0):
         return every

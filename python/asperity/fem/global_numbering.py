@@ -9,7 +9,7 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.mesh.element import NODES
 from asperity.runtime import compat
-from asperity.runtime.gathered import gather
+from asperity.runtime.parallel import gather
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid

@@ -122,11 +122,9 @@ def run(
     with logged(comm, None if out is None else out / LOG) as log:
         whole, problem = agree(comm, prepare)
         files = RunFiles(whole, out, comm, log.begin)
-        with files.locked(resume, force):
-            done = files.finished() if resume else None
+        with files.opened(resume, force) as done:
             if done is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
-            files.open(resume, force)
             with nullcontext() if out is None else StopRequest(comm) as request:
                 from asperity.job.solve import solve_case
                 from asperity.job.stages import Job

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ from asperity.runtime.progress import Progress, RunLog
 from asperity.runtime.usage import Phases
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics
-from asperity.vibration.numbers import Numbers
+from asperity.vibration.oscillator import Numbers
 from asperity.vibration.run import small_vibration
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def _indentation(job: Job) -> None:
     """Section "indentation" of summary.json."""
     found = on_root_bcast(job.comm, lambda: indentation_of(job.solved.problem, job.solved.contact.curve))
     if found is not None:
-        job.summary["indentation"] = found.to_dict()
+        job.summary["indentation"] = asdict(found)
 
 
 def _assumptions(job: Job) -> None:

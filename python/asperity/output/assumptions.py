@@ -20,7 +20,7 @@ from asperity.surface.shapes import SHARP
 from asperity.units import quantity
 
 if TYPE_CHECKING:
-    from asperity.vibration.numbers import Numbers
+    from asperity.vibration.oscillator import Numbers
 
 FINE, DOUBTFUL = "fine", "doubtful"
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
@@ -127,15 +127,10 @@ class Evidence:
         return surface.maximum()[2] - surface.mean() <= FLAT * surface.L
 
     @property
-    def top(self) -> int:
-        """Row of the greatest force."""
-        return self.curve.top
-
-    @property
     def contact_radius(self) -> float:
         """Radius of the mean contact spot at the greatest force, taken as a circle [length]; nan where unknown."""
-        spots = int(self.curve.spots[self.top])
-        area = float(self.curve.area_fraction[self.top]) * self.problem.surface.L**2
+        spots = int(self.curve.spots[self.curve.top])
+        area = float(self.curve.area_fraction[self.curve.top]) * self.problem.surface.L**2
         return sqrt(area / (pi * spots)) if spots else nan
 
     @property
@@ -180,7 +175,7 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
             "e and ln(1 + e) differ by 5 % at 0.1", advice, detail, warned=True,
         )  # fmt: skip
     if not material.plastic and material.law is None and material.nu <= MOST_OF_METALS:
-        pressure = 1.5 * float(run.curve.mean_pressure[run.top])
+        pressure = 1.5 * float(run.curve.mean_pressure[run.curve.top])
         yield Assumption(
             "elastic: 3/2 of the mean contact pressure over E", pressure / material.E, TABOR * YIELD_STRAIN, "",
             "Tabor, The Hardness of Metals (1951); Johnson & Samwer, Phys. Rev. Lett. 95 (2005) 195501",
@@ -211,8 +206,8 @@ def _patch(run: Evidence) -> Iterator[Assumption]:
             "joint: stiffness by other patches of its roughness", 100 * found.bar, DIFFERENT, "%",
             f"half-space pressed with {found.patches} patches under one plane",
             "a larger surface.L, or the mean of several seeds",
-            f"the mean of the patches is {found}; this one has {int(run.curve.spots[run.top])} spot(s) at the greatest "
-            "force",
+            f"the mean of the patches is {found}; this one has {int(run.curve.spots[run.curve.top])} spot(s) at the "
+            "greatest force",
         )  # fmt: skip
     along = (run.side or 0.0) / problem.surface.L  # patches along a side of the joint
     if along > 1.0 and (beyond := hurst_without_end(problem.surface)) is not None:
@@ -246,7 +241,7 @@ def _added(run: Evidence) -> Iterator[Assumption]:
     A rough surface is part of a wide one, whose mean planes approach: the block adds its compression. A spot alone has
     the approach on a half-space, and the base and the sides of the block, which mirror the spot, count too.
     """
-    problem, surface, top = run.problem, run.problem.composite, run.top
+    problem, surface, top = run.problem, run.problem.composite, run.curve.top
     pressure, delta = float(run.curve.force[top]) / surface.L**2, float(run.curve.delta[top])
     if run.plane or not delta > 0.0:
         return

@@ -6,7 +6,7 @@ import json
 import platform
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from functools import cached_property, partial
 from importlib import metadata
@@ -19,6 +19,7 @@ from asperity.case import Case
 from asperity.case.case_file import identity, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
+from asperity.output.results import Results
 from asperity.runtime import run_folder
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
@@ -50,25 +51,31 @@ class RunFiles:
         self.folder = folder
         self._case, self._comm, self._open_log = case, comm, open_log
         self._begun = self._continues = self._replaces = self._whole = False
-        self._lock, self._found = ExitStack(), False  # on rank 0: the lock of the folder, and whether it holds a run
 
     @contextmanager
-    def locked(self, resume: bool, force: bool) -> Iterator[None]:
-        """Lock the folder against other runs: at once where it holds one, else when `begin` makes it.
+    def opened(self, resume: bool, force: bool) -> Iterator[tuple[Curve, dict[str, Any]] | None]:
+        """Lock the folder against other runs, and see whether there is a state to continue from; writes no result.
+
+        Where a finished run holds everything the case requests, its curve and summary are all that is read.
 
         Raises:
             InputError: what `run_folder.check` refuses
+            CheckpointError: of a run that cannot be continued
+            OutputError: the folder cannot be written
         """
-
-        def lock(folder: Path) -> None:
-            run_folder.check(folder, resume=resume, force=force)
-            self._found = run_folder.holds_run(folder)
-            if self._found:
-                self._lock.enter_context(run_folder.working_in(folder))
-
-        with self._lock:
-            self._on_root(lock)
-            yield
+        self._on_root(partial(run_folder.check, resume=resume, force=force))
+        done = self._finished() if resume else None
+        if done is not None or self.checkpoint is None:
+            yield done
+            return
+        with ExitStack() as lock:
+            self._on_root(lambda folder: lock.enter_context(run_folder.working_in(folder)))
+            self._replaces, self._continues = force, resume and self.checkpoint.found()
+            if resume and not self._continues:
+                self._on_root(partial(refuse_run_of_another, self._case))
+            if not self._continues:
+                self.checkpoint.ignore()
+            yield None
 
     def _on_root(self, work: Callable[[Path], T]) -> T | None:
         """Call a function with the folder, if there is one, and broadcast its result."""
@@ -84,7 +91,7 @@ class RunFiles:
         place, every = self.folder / run_folder.CHECKPOINT, self._case.output.checkpoint
         return Checkpoint(place, identity(self._case), self._comm, every)
 
-    def finished(self) -> tuple[Curve, dict[str, Any]] | None:
+    def _finished(self) -> tuple[Curve, dict[str, Any]] | None:
         """Curve and summary when the folder holds everything the case requests, else None."""
 
         def read(folder: Path) -> tuple[Curve, dict[str, Any]] | None:
@@ -100,37 +107,11 @@ class RunFiles:
 
         return self._on_root(read)
 
-    def open(self, resume: bool, force: bool) -> None:
-        """See whether there is a state to continue from, where `resume` looks for one; writes nothing.
-
-        With `force`, `begin` will remove the files of another run.
-
-        Raises:
-            CheckpointError: of a run that cannot be continued
-            OutputError: the folder cannot be written
-        """
-        self._replaces = force
-        self._on_root(run_folder.check_writable)
-        if self.checkpoint is not None:
-            self._continues = resume and self.checkpoint.found()
-            if resume and not self._continues:
-                self._on_root(partial(refuse_run_of_another, self._case))
-            if not self._continues:
-                self.checkpoint.ignore()
-
     def begin(self) -> None:
-        """Make the folder, write the completed input and start the log, at the first call.
+        """Write the completed input and start the log, at the first call.
 
         Of a run that continues, a finished one is marked unfinished, and the files that it writes again are removed.
         """
-
-        def lock(folder: Path) -> None:
-            if self._found:
-                return
-            folder.mkdir(parents=True, exist_ok=True)
-            self._lock.enter_context(run_folder.working_in(folder))
-            if not run_folder.is_empty(folder):
-                raise InputError(f"another run has worked in {folder} meanwhile; take another folder")
 
         def mark(folder: Path) -> None:
             before = read_summary(folder)
@@ -144,7 +125,6 @@ class RunFiles:
 
         if self._begun or self.checkpoint is None:
             return
-        self._on_root(lock)
         self._on_root(mark)  # first: what a kill leaves counts as a run, and not as a finished one
         if not self._continues:
             self.checkpoint.clear()
@@ -166,10 +146,6 @@ class RunFiles:
         def withdraw(folder: Path) -> None:
             run_folder.clear(folder)
             (folder / run_folder.CASE).unlink(missing_ok=True)
-            if run_folder.is_empty(folder):
-                (folder / run_folder.LOCK).unlink(missing_ok=True)
-            if not any(folder.iterdir()):
-                folder.rmdir()
 
         if self.checkpoint is not None and self._begun and not self._continues:
             self.checkpoint.clear()
@@ -208,11 +184,9 @@ class RunFiles:
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """Contents of summary.json of a run; nothing where it is absent or damaged."""
-    try:
-        found = json.loads(read_text(folder / run_folder.SUMMARY))
-    except UNREADABLE:
-        return {}
-    return found if isinstance(found, dict) else {}
+    with suppress(InputError):
+        return dict(Results.read(folder, parts=("summary",)).summary)
+    return {}
 
 
 def _write_summary(summary: dict[str, Any], folder: Path) -> None:

@@ -71,13 +71,7 @@ def _vibration(results: Results) -> Iterator[str]:
     if joint:
         yield from headline(joint["numbers"], results.summary.get("patches"), units, joint["load"])
     elif numbers.get("k_n") is not None:
-        newton, metre, hertz = ("", "", "") if units == "other" else ("N", "N/m", "Hz")
-        bar = nan if numbers.get("k_n_bar") is None else float(numbers["k_n_bar"])
-        about = "" if found.get("load") is None else f" about a load of {quantity(found['load'], newton)}"
-        text = f"Small vibration of the patch{about} has a stiffness of {quantity(numbers['k_n'], metre, bar=bar)}"
-        if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar
-            text += f" and a frequency of {quantity(numbers['f'], hertz, bar=0.5 * bar)}"
-        yield f"{text}."
+        yield from headline(numbers, None, units, found.get("load"), "Patch")
     if doubt := laws.get("doubt"):
         yield f"Its law is doubtful: {doubt}."
     for line in (results.summary.get("slip") or {}).get("in_words", ()):
@@ -85,36 +79,34 @@ def _vibration(results: Results) -> Iterator[str]:
 
 
 def headline(
-    numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float
-) -> list[str]:
-    """The joint in one line with its two bars, the larger first, and with the block of the model in a second.
+    numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float | None,
+    of: str = "Interface of the joint",
+) -> list[str]:  # fmt: skip
+    """Small vibration in one line with its two bars, the larger first, and with the block of the model in a second.
 
     Args:
         numbers: see `Numbers.to_dict`
         patches: section of summary.json, what other patches change of the stiffness with the block; or None
         units: "other" shows numbers without units
-        load: preload (force)
+        load: preload (force), None if unknown
+        of: what vibrates
     """
     newton, metre, hertz = ("", "", "") if units == "other" else ("N", "N/m", "Hz")
-    k, f, block = numbers["k_n"], numbers.get("f"), numbers.get("k_n_with_block")
+    k, f, block, greatest = numbers["k_n"], *(numbers.get(name) for name in ("f", "k_n_with_block", "greatest_load"))
     bars = [(float(numbers["k_n_bar"]), "numerical error")] if numbers.get("k_n_bar") else []
     if patches:  # of the stiffness with the block in series, whose share of the compliance is the same for all patches
         bars.append((patches["bar"] * (k / block if block else 1.0), "other patches of this roughness ±"))
     bars.sort(reverse=True)
     largest = bars[0][0] if bars else nan
     digits = 2 if largest > 0.03 else 3 if largest > 0.003 else 4
-    after, greatest = "", numbers.get("greatest_load")
-    if greatest and greatest > load * (1 + 1e-6):
-        after = f" after a load of up to {quantity(greatest, newton, 3)}"
-    text = f"stiffness {quantity(k, metre, digits)}"
+    text = of if load is None else f"{of} about {quantity(load, newton)}"
+    if greatest and load is not None and greatest > load * (1 + 1e-6):
+        text += f" after a load of up to {quantity(greatest, newton, 3)}"
+    text += f": stiffness {quantity(k, metre, digits)}"
     if f is not None:
         text += f", frequency {quantity(f, hertz, digits + 1)}"
     words = ", ".join(f"{words} {100 * bar:.2g} %" for bar, words in bars)
-    lines = [
-        f"Interface of the joint about {quantity(load, newton)}{after}: {text}"
-        + (f" (of the stiffness: {words})" if words else "")
-        + "."
-    ]
+    lines = [f"{text} (of the stiffness: {words})." if words else f"{text}."]
     if block:
         lines.append(f"With the block of the model in series the stiffness is {quantity(block, metre, digits)}.")
     return lines

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import getdoc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
-from asperity.plot.contact import contact_area, flow_maps, pressure_maps
+from asperity.plot.contact import contact_area, flow_maps, pressure_maps, surface_map
 from asperity.plot.curves import conductance, force_curve, indentation, leakage, over_time, stiffness
-from asperity.plot.fields import surface_map
-from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
-from asperity.plot.vibration import frequency, motion, receptance, response
+from asperity.plot.vibration import frequency, motion, receptance, response, slip
 from asperity.runtime.run_folder import FIGURES, refuse_links
 
 __all__ = [
@@ -28,37 +28,39 @@ _STATIC = (
     "The displacement u is in units of the static approach zₛ; small vibration has the frequency ωₛ and stiffness kₙ."
 )
 _FORCE = (
-    "The amplitude F̂ of the excitation is in units of kₙ zₛ for a force, of zₛ for a motion of the base, of ωₛ² zₛ for "
-    "an acceleration of the base; the static load is W."
+    f"{_STATIC} The amplitude F̂ of the excitation is in units of kₙ zₛ for a force, of zₛ for a motion of the base, of "
+    "ωₛ² zₛ for an acceleration of the base; the static load is W."
 )
-# name of a figure -> caption, in the order of a report
+
+
+def _surface(run: Results) -> Figure:
+    """Heights of the surface; the ring marks the first touch."""
+    return surface_map(run.surface, run.unit("length"))
+
+
+#: Name of a figure -> its function, whether a run has data for it, and the units of its caption; in the order of a
+#: report.
+KINDS: dict[str, tuple[Callable[[Results], Figure], Callable[[Results], Any], str]] = {
+    "surface": (_surface, lambda run: "surface" in run.case, ""),
+    "curve": (force_curve, lambda run: len(run.curve), ""),
+    "indentation": (indentation, lambda run: len(run.curve) and "tool" in run.case, ""),
+    "area": (contact_area, lambda run: len(run.curve), ""),
+    "pressure": (pressure_maps, lambda run: run.snapshots, ""),
+    "stiffness": (stiffness, lambda run: np.any(run.curve.k_n_elastic > 0), ""),
+    "conductance": (conductance, lambda run: np.any(run.gap_conductance()[1] > 0), ""),
+    "leakage": (leakage, lambda run: np.any(run.curve.transmissivity_x + run.curve.transmissivity_y > 0), ""),
+    "flow": (flow_maps, lambda run: run.snapshots and np.any(run.curve.transmissivity_x > 0), ""),
+    "time": (over_time, lambda run: np.any(run.curve.time > 0), ""),
+    "frequency": (frequency, lambda run: len(run.free.get("u0", ())), _STATIC),
+    "response": (response, lambda run: len(run.response.get("Omega", ())), _FORCE),
+    "receptance": (receptance, lambda run: len(run.response.get("a1", ())) and "F_hat" in run.response, _FORCE),
+    "motion": (motion, lambda run: len(run.motion.get("tau", ())), _FORCE),
+    "slip": (slip, lambda run: len(run.slip_loops.get("u", ())), ""),
+}
+#: The caption of a figure is the beginning of what its function says.
 CAPTIONS = {
-    "surface": "Heights of the surface; the ring marks the first touch.",
-    "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
-    "exponent of the loading; a power law has a constant one.",
-    "indentation": "(a) Force over depth. (b) Hardness, the force over the projected area of contact.",
-    "area": "(a) Contact area over load. (b) Distribution of the contact pressure over the nominal area.",
-    "pressure": "Contact pressure on the shaded surface at selected approaches, with force and number of spots. "
-    "Last: the spot of the greatest pressure, the blue square, with the facets of the mesh.",
-    "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
-    "conductance": "Conductance per nominal area over the nominal pressure.",
-    "leakage": "(a) Transmissivity of the gap over the load; a dotted line marks the last load with an open channel. "
-    "(b) Mean gap and hydraulic aperture.",
-    "flow": "Flow of a film along x through the open gap at selected loads, over its mean. Pale: no flow.",
-    "time": "(a) Contact area, (b) load and (c) approach over time.",
-    "frequency": "Natural frequency over the amplitude of free vibration about the static "
-    f"deflection. {_STATIC} Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
-    "no contact.",
-    "response": f"Forced vibration: largest displacement over the excitation frequency. {_STATIC} {_FORCE} Diamonds "
-    "joined by a dotted line mark the onset of contact loss.",
-    "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
-    f"has one curve for all forces; the peak of each force lies on its backbone. {_STATIC} {_FORCE}",
-    "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
-    f"Shaded: out of contact. {_STATIC} {_FORCE}",
-    "slip": "(a) Loops of the tangential force T over the displacement by slip, u less the displacement T/k without "
-    "slip; the stiffness k is that at rest. The normal curve of like bodies gives the loops, whose area is the energy "
-    "of a cycle. (b) Loss factor, twice the damping ratio. (c) Amplitude of the force over that of the displacement. "
-    "The limit of friction is μP.",
+    name: " ".join(f"{getdoc(make)}".partition("\n\n")[0].split() + units.split())
+    for name, (make, _, units) in KINDS.items()
 }
 
 
@@ -75,8 +77,7 @@ def plot_run(folder: str | Path) -> list[Path]:
     """
     results = Results.read(folder)
     refuse_links(results.folder)
-    possible = figures_of(results)
-    return [draw(results, name) for name in CAPTIONS if name in possible]
+    return [draw(results, name) for name in figures_of(results)]
 
 
 def draw(results: Results, name: str) -> Path:
@@ -97,28 +98,5 @@ def plot_dynamics(folder: str | Path) -> list[Path]:
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
-    """Name and function of each figure for which there are data."""
-    rows = len(results.curve)
-
-    def heights(results: Results) -> Figure:
-        surface = results.surface
-        return surface_map(surface.grid(401), surface.L, surface.maximum(), results.unit("length"))
-
-    wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
-        "surface": ("surface" in results.case, heights),
-        "pressure": (results.snapshots > 0, pressure_maps),
-        "indentation": (rows > 0 and "tool" in results.case, indentation),
-        "area": (rows > 0, contact_area),
-        "curve": (rows > 0, force_curve),
-        "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
-        "leakage": (bool(np.any(results.curve.transmissivity_x + results.curve.transmissivity_y > 0)), leakage),
-        "flow": (results.snapshots > 0 and bool(np.any(results.curve.transmissivity_x > 0)), flow_maps),
-        "time": (bool(np.any(results.curve.time > 0)), over_time),
-        "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
-        "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
-        "frequency": (len(results.free.get("u0", ())) > 0, frequency),
-        "response": (len(results.response.get("Omega", ())) > 0, response),
-        "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),
-        "motion": (len(results.motion.get("tau", ())) > 0, motion),
-    }
-    return {name: make for name, (possible, make) in wanted.items() if possible}
+    """Name and function of each figure for which there are data, in the order of a report."""
+    return {name: make for name, (make, possible, _) in KINDS.items() if possible(results)}

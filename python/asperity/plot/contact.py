@@ -1,4 +1,4 @@
-"""Figures of the contact: maps of the pressure, area over the load, and the surface that templates/turn.js turns."""
+"""Figures of a surface and its contact: maps, area over the load, and the surface that templates/turn.js turns."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from asperity.arrays import Array
-from asperity.output.raster import PIXELS, Raster, facets
-from asperity.output.results import Results
+from asperity.output.results import PIXELS, Raster, Results, facets
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
 from asperity.reference.leakage import flow
+from asperity.surface import Spectrum, Surface
+from asperity.surface.spectrum import SelfAffineFit
 from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
@@ -33,8 +34,52 @@ MILLISECONDS = 700  # of a picture of the growing spots
 
 
 @style.styled
+def surface_map(surface: Surface, unit: str = "m", n: int = 401) -> Figure:
+    """Draw the heights of a surface at n x n nodes, and the point of first touch; `unit` is that of length, or ""."""
+    figure, (axis,) = style.figure(style.SINGLE + 0.6, 4.3, "")
+    axis.grid(False)
+    heights, side, touch = surface.grid(n), surface.L, surface.maximum()
+    across, across_unit = prefix(side / 2, unit)
+    up, up_unit = prefix(np.ptp(heights) or side, unit)
+    extent = (0, side * across, 0, side * across)
+    mean = heights.mean()
+    look = {"origin": "lower", "cmap": "cividis", "interpolation": "bilinear"}
+    image = axis.imshow((heights - mean) * up, extent=extent, **look)
+    axis.plot(
+        touch[0] * across, touch[1] * across, "o", mfc="none", mec=style.VERMILION, ms=9, mew=1.6,
+        clip_on=False, zorder=5, label=f"first touch, {(touch[2] - mean) * up:.3g} {up_unit}",
+    )  # fmt: skip
+    axis.set(xlabel=style.label("$x$", across_unit), ylabel=style.label("$y$", across_unit))
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, handlelength=1)
+    rough = f"$S_q$ = {heights.std() * up:.3g} {up_unit}".rstrip()
+    axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
+    figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("height above the mean plane", up_unit))
+    return figure
+
+
+@style.styled
+def spectrum_figure(spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None) -> Figure:
+    """Draw the power spectral density, over it that of the self-affine equivalent; `unit` is that of length."""
+    figure, (axis,) = style.figure(style.SINGLE, 3.4, "power spectral density")
+    there = spectrum.density > 0
+    axis.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
+    if affine is not None:
+        wavelengths = [affine.lambda_long, affine.lambda_roll or affine.lambda_long, affine.lambda_short]
+        q = 2 * np.pi / np.array(wavelengths)
+        label = f"$H$ = {affine.H:.2f} ± {affine.error_H:.2f}"
+        axis.loglog(q, affine.density(q), color=style.VERMILION, label=label)
+        axis.set_ylim(bottom=affine.density(q).min() / 100)  # what lies below is rounding
+        axis.legend(loc="lower left")
+    per, fourth = (f"1/{unit}", f"{unit}$^4$") if unit else ("", "")
+    axis.set(xlabel=style.label("wave number $q$", per), ylabel=style.label("density $C(q)$", fourth))
+    return figure
+
+
+@style.styled
 def pressure_maps(results: Results, count: int = 4) -> Figure:
-    """Draw the contact pressure at up to `count` - 1 load levels and around its peak, with one colour scale."""
+    """Contact pressure on the shaded surface at selected approaches, with force and number of spots. Last: the spot of
+    the greatest pressure, the blue square, with the facets of the mesh.
+    """
     top = results.top
     chosen = _levels(top, count - 1)
     last = max(chosen, key=lambda level: float(top["pressure"][level].max()))
@@ -67,7 +112,7 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
 
 @style.styled
 def flow_maps(results: Results, count: int = 3) -> Figure:
-    """Draw the flow of a film along x at up to `count` loads at which a channel is open, each over its mean."""
+    """Flow of a film along x through the open gap at selected loads, over its mean. Pale: no flow."""
     periodic = results.case.get("block", {}).get("sides") == "periodic"
     on_patch, found = Raster(results.top, n=FLOW_PIXELS), []
     for i in np.flatnonzero(results.top["branch"] == "load"):
@@ -163,7 +208,7 @@ def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
 
 @style.styled
 def contact_area(results: Results) -> Figure:
-    """Draw the contact area over the load, and the distribution of the pressure at the greatest load."""
+    """(a) Contact area over load. (b) Distribution of the pressure over the nominal area at the greatest load."""
     figure, (area, pressure) = style.figure(style.DOUBLE, 3.6, "contact area", "pressure at the greatest load")
     draw_branches(area, results, "P_star", "area_fraction", names=("load",))
     area.set(xlabel=LOAD, ylabel="contact area over the nominal area")

@@ -53,7 +53,8 @@ def _draw_band(axis: Any, at: Array, value: Array, error: Array, colour: str, la
 
 @style.styled
 def force_curve(results: Results) -> Figure:
-    """Draw P* over delta* with the fit over its range, on linear and on logarithmic axes, and the local exponent.
+    """(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local exponent of the
+    loading; a power law has a constant one.
 
     The band is the error bar of each step, if the run computed one. The second axes are in physical units.
     """
@@ -137,7 +138,7 @@ def tex(value: float) -> str:
 
 @style.styled
 def indentation(results: Results) -> Figure:
-    """Draw the force over the depth, and the hardness, force over the projected area of contact."""
+    """(a) Force over depth. (b) Hardness, the force over the projected area of contact."""
     figure, (left, right) = style.figure(style.DOUBLE, 3.7, "force over depth", "hardness")
     factor, unit = prefix(float(np.nanmax(results.curve.mean_pressure)), results.unit("stress"))
     draw_branches(left, results, "delta_star", "P_star")
@@ -152,7 +153,7 @@ def indentation(results: Results) -> Figure:
 
 @style.styled
 def stiffness(results: Results) -> Figure:
-    """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches."""
+    """(a) Stiffness of the contact during loading. (b) Mean gap."""
     figure, (left, right) = style.figure(style.DOUBLE, 3.5, "stiffness", "mean gap")
     curve, loading = results.curve, results.curve.loading()
     factor, unit = prefix(float(np.nanmax(curve.k_n_elastic)), results.unit("stiffness"))
@@ -171,7 +172,9 @@ def stiffness(results: Results) -> Figure:
 
 @style.styled
 def leakage(results: Results) -> Figure:
-    """Draw the transmissivities of the first loading over the load, and the hydraulic aperture with the mean gap."""
+    """(a) Transmissivity of the gap over the load; a dotted line marks the last load with an open channel. (b) Mean gap
+    and hydraulic aperture.
+    """
     figure, (left, right) = style.figure(style.DOUBLE, 3.5, "transmissivity", "apertures")
     loading, unit = results.curve.loading(), results.unit("length")
 
@@ -200,7 +203,7 @@ def leakage(results: Results) -> Figure:
 
 @style.styled
 def over_time(results: Results) -> Figure:
-    """Draw contact area, load and approach over time."""
+    """(a) Contact area, (b) load and (c) approach over time."""
     figure, axes = style.figure(style.WIDE, 3.7, "contact area", "load", "approach")
     for axis, name, words in zip(
         axes, ("area_fraction", "P_star", "delta_star"), ("contact area $A/A_0$", LOAD, DELTA), strict=True
@@ -213,7 +216,7 @@ def over_time(results: Results) -> Figure:
 
 @style.styled
 def conductance(results: Results) -> Figure:
-    """Draw the conductance per nominal area over the pressure."""
+    """Conductance per nominal area over the nominal pressure."""
     figure, (axis,) = style.figure(style.SINGLE, 3.4, "")
     p, h, error = results.gap_conductance()
     of_p, unit_p = prefix(float(np.nanmax(p)), results.unit("stress"))

@@ -12,8 +12,7 @@ from typing import Any
 
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
-from asperity.output.raster import Raster
-from asperity.output.results import Results
+from asperity.output.results import Raster, Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
 from asperity.plot.contact import growing_spots, turning_surface

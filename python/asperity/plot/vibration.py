@@ -1,8 +1,9 @@
-"""Figures of vibration: natural frequency over amplitude, amplitude over excitation frequency, short motions."""
+"""Figures of vibration, free, forced and short, and of slip: its loops, damping and response."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from asperity.arrays import Array
 from asperity.output.results import Columns, Results
 from asperity.plot import style
+from asperity.slip.joint_slip import JointSlip
 from asperity.units import prefix, quantity
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
@@ -72,7 +74,9 @@ def _in_words(thresholds: Mapping[str, Any], forcing: float) -> str:
 
 @style.styled
 def frequency(results: Results) -> Figure:
-    """Draw the natural frequency over the release amplitude, a curve for each model."""
+    """Natural frequency over the amplitude of free vibration about the static deflection. Beyond the dot contact is
+    lost (exact law), or the Taylor law pulls although there is no contact.
+    """
     figure, (axis,) = style.figure(style.SINGLE + 0.8, 3.7, "natural frequency of free vibration")
     for model, (colour, line, text) in MODELS.items():
         rows = where(results.free, results.free["model"] == model)
@@ -96,7 +100,8 @@ def frequency(results: Results) -> Figure:
 
 @style.styled
 def response(results: Results) -> Figure:
-    """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
+    """Forced vibration: largest displacement over the excitation frequency. Diamonds joined by a dotted line mark the
+    onset of contact loss.
 
     Stable pieces are solid, others dashed. Where a law is stiffer by a factor s^2, its response has frequencies s times
     as high and displacements 1/s^2 as large: what the error bar of the stiffness makes of the stable exact one so is
@@ -197,7 +202,9 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
 
 @style.styled
 def receptance(results: Results) -> Figure:
-    """Draw amplitude over force with the backbone, or that of the mass over that of the base."""
+    """Frequency response function: amplitude at the forcing frequency over the force. A linear contact has one curve
+    for all forces; the peak of each force lies on its backbone.
+    """
     rows, free, t = results.response, results.free, results.thresholds
     of_base = t.get("excitation", "force") != "force"
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
@@ -238,7 +245,9 @@ def receptance(results: Results) -> Figure:
 
 @style.styled
 def motion(results: Results) -> Figure:
-    """Draw displacement and force over the time of short motions, a panel for each course of the force."""
+    """Motion in time from rest, relative to the base where it moves: displacement, and the force above it. Shaded: out
+    of contact.
+    """
     rows, (_, frequency, si) = results.motion, scales(results.thresholds)
     shapes = [str(shape) for shape in dict.fromkeys(rows["shape"])]
     known, factor, text = bool(np.isfinite(frequency)), 1.0, "time $\\omega_s t$"
@@ -257,6 +266,56 @@ def motion(results: Results) -> Figure:
         _physical(axis, results.thresholds, "right")
     axes[0].legend(loc="best", ncols=2)
     axes[-1].set_xlabel(text)
+    return figure
+
+
+@style.styled
+def slip(results: Results) -> Figure:
+    """(a) Loops of the tangential force T over the displacement by slip, u less the displacement T/k without slip; the
+    stiffness k is that at rest. The normal curve of like bodies gives the loops, whose area is the energy of a cycle.
+    (b) Loss factor, twice the damping ratio. (c) Amplitude of the force over that of the displacement. The limit of
+    friction is μP.
+    """
+    figure, axes = style.figure(style.WIDE, 3.4, "loops", "loss factor", "secant stiffness")
+    states, rows = results.slip, results.slip_loops
+    light = np.flatnonzero(states["T"] > 0.0)[0]  # the first state of the smallest amplitude
+    slipped = states["u"] - states["T"] * (states["u"][light] / states["T"][light])
+    of_u, unit_u = prefix(float(np.abs(slipped).max()), results.unit("length"))
+    of_t, unit_t = prefix(float(np.abs(states["T"]).max()), results.unit("force"))
+    for colour, amplitude in zip(cycle(style.COLOURS), np.unique(states["amplitude"]), strict=False):
+        of = states["amplitude"] == amplitude
+        axes[0].plot(of_u * slipped[of], of_t * states["T"][of], "-", color=colour, label=f"{amplitude:g}")
+    axes[0].set(xlabel=style.label("displacement by slip, $u - T/k$", unit_u))
+    axes[0].set(ylabel=style.label("tangential force $T$", unit_t))
+    axes[0].legend(title=r"$T/(\mu P)$", loc="upper left")
+    factor, unit = prefix(float(rows["k_secant"].max()), results.unit("stiffness"))
+    for axis, name, scale in ((axes[1], "eta", 1.0), (axes[2], "k_secant", factor)):
+        x, bar = rows["amplitude"], scale * rows[f"error_{name}"] if f"error_{name}" in rows else None
+        axis.errorbar(x, scale * rows[name], yerr=bar, mfc="white", fmt="o-", color=style.BLUE)
+        axis.set_xlabel(r"amplitude $T/(\mu P)$")
+    style.logarithmic(axes[1])
+    axes[1].set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
+    axes[2].set(xlim=(0, 1), ylim=(0, None), ylabel=style.label("$T/u$", unit))
+    return figure
+
+
+@style.styled
+def slip_response(found: JointSlip) -> Figure:
+    """Draw the amplitude of the tangential vibration over frequency, one curve per force."""
+    figure, (axis,) = style.figure(style.SINGLE, 3.4, "")
+    si, curves = found.units == "SI", found.responses
+    of_a, unit_a = prefix(max(float(a.max()) for _, a in curves.values()), "m" if si else "")
+    of_f, unit_f = prefix(max(float(f.max()) for f, _ in curves.values()), "Hz" if si else "")
+    for colour, (share, (f, a)) in zip(cycle(style.COLOURS), curves.items(), strict=False):
+        axis.plot(of_f * f, of_a * a, "-", color=colour, label=f"{share:g}")
+        axis.plot(of_f * f[a.argmax()], of_a * a.max(), "o", color=style.BLACK, markersize=3)
+    middle = [float(f[a.argmax()]) for f, a in curves.values()]
+    low, high = 0.8 * min(middle), 1.15 * max(middle)
+    least = min(float(a[(low < f) & (f < high)].min()) for f, a in curves.values())
+    axis.set(xlim=(of_f * low, of_f * high), ylim=(0.8 * of_a * least, None))
+    style.logarithmic(axis, "y")
+    axis.set(xlabel=style.label("frequency", unit_f), ylabel=style.label("amplitude of $u$", unit_a))
+    axis.legend(title=r"$F/(\mu P)$", loc="best")
     return figure
 
 

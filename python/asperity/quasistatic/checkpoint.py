@@ -28,8 +28,7 @@ from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverSta
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import UNREADABLE, read_npz, remove_asides, write_npz
-from asperity.runtime.gathered import gather, hand_out, on_root_of
-from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.parallel import gather, hand_out, on_root, on_root_bcast, on_root_of
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 from asperity.version import __version__
 

@@ -150,13 +150,26 @@ def _readable(kind: str) -> Iterator[None]:
         raise ValueError(f"it is not a whole {kind} file of numbers") from None
 
 
-def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "") -> None:
-    """Write a table: a comment if there is one, the names, a line per row; None and absent values are empty cells."""
+def write_csv(
+    path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "", digits: int = 17
+) -> None:
+    """Write a table: a comment if there is one, the names, a line per row of numbers with so many digits at most.
+
+    Absent values, None and NaN are empty cells.
+    """
+
+    def cell(value: Any) -> str:
+        if value is None or value != value:
+            return ""
+        if isinstance(value, bool):
+            return str(value).lower()
+        return str(float(f"{value:.{digits}g}") if isinstance(value, float) else value)
+
     text = io.StringIO(newline="")
     text.write(f"# {comment}\n" if comment else "")
-    table = csv.DictWriter(text, names, restval="", lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(names)
+    table.writerows([cell(row.get(name)) for name in names] for row in rows)
     replace_file(path, text.getvalue().encode())
 
 

@@ -1,4 +1,7 @@
-"""Work on rank 0, agreement between ranks, and a common end of all ranks: by a signal, or with one message and code."""
+"""Work on rank 0, agreement between ranks, rows of all ranks, and a common end: by a signal, or with one message.
+
+Only rank 0 holds arrays of the whole mesh: the mesh that it has made, and the arrays that it writes.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -19,7 +23,7 @@ from asperity.runtime.progress import tell
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from asperity.arrays import Floats
+    from asperity.arrays import Array, Floats, Indices
 
 T = TypeVar("T")
 
@@ -165,6 +169,73 @@ def summed(comm: MPI.Comm, *values: float) -> Floats:
     if comm.size > 1:
         comm.Allreduce(MPI.IN_PLACE, found)
     return found
+
+
+def gather(comm: MPI.Comm, numbers: Indices, rows: Array) -> tuple[Indices, Array] | None:
+    """Numbers of the rows of all ranks, ascending, each once, and the rows; on rank 0, None elsewhere; collective.
+
+    Args:
+        numbers: of the rows of this rank (n,); several ranks may have the same
+        rows: those of this rank (n, ...), the same of all ranks that have them
+
+    Examples:
+        >>> from mpi4py import MPI
+        >>> numbers, rows = gather(MPI.COMM_SELF, np.array([4, 0, 4]), np.array([0.4, 0.0, 0.4]))
+        >>> numbers, rows, hand_out(MPI.COMM_SELF, (numbers, rows), np.array([4, 5]), fill=-1.0)
+        (array([0, 4]), array([0. , 0.4]), array([ 0.4, -1. ]))
+    """
+    import numpy as np
+
+    if comm.rank:
+        comm.send((numbers, rows), 0)
+        return None
+    parts = [(numbers, rows), *(comm.recv(source=rank) for rank in range(1, comm.size))]
+    numbers, rows = (np.concatenate(of_ranks) for of_ranks in zip(*parts, strict=True))
+    distinct, first = np.unique(numbers, return_index=True)
+    return distinct, rows[first]
+
+
+def hand_out(comm: MPI.Comm, found: tuple[Indices, Array] | None, wanted: Indices, fill: float = 0.0) -> Array:
+    """Rows of `wanted` numbers (n,) of this rank, from what rank 0 has, see `gather`; collective.
+
+    Args:
+        found: numbers in ascending order and rows on rank 0, None elsewhere
+        fill: in rows that are not there
+    """
+    import numpy as np
+
+    if found is None:
+        comm.send(wanted, 0)
+        return np.asarray(comm.recv(source=0))
+    numbers, rows = found
+
+    def of(wanted: Indices) -> Array:
+        out = np.full((len(wanted), *rows.shape[1:]), fill)
+        place = np.searchsorted(numbers, wanted)
+        there = np.append(numbers, -1)[place] == wanted
+        out[there] = rows[place[there]]
+        return out
+
+    for rank in range(1, comm.size):
+        comm.send(of(comm.recv(source=rank)), rank)
+    return of(wanted)
+
+
+def on_root_of(comm: MPI.Comm, rows: Iterator[Any], work: Callable[[], T]) -> T:
+    """Do work on rank 0 that takes an iterator, and broadcast its result, see `on_root_bcast`; collective.
+
+    The steps of the iterator are collective: they are taken on the other ranks too, also where the work fails.
+    """
+
+    def drained() -> T:
+        try:
+            return work()
+        finally:
+            deque(rows, maxlen=0)
+
+    if comm.rank:
+        deque(rows, maxlen=0)
+    return on_root_bcast(comm, drained)
 
 
 def _raise_first(comm: MPI.Comm, failure: AsperityError | None) -> None:

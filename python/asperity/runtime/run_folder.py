@@ -6,7 +6,6 @@ checkpoint, or a `case.toml` that was generated. One run at a time works in it; 
 
 from __future__ import annotations
 
-import errno
 import fcntl
 import os
 from collections.abc import Iterable, Iterator
@@ -66,7 +65,7 @@ def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
             f"{folder} already holds a run; --resume continues it, --force replaces it, -o takes another folder "
             "(resume = True and force = True in Python)"
         )
-    with working_in(folder):
+    with suppress(OSError), working_in(folder):
         pass
 
 
@@ -80,17 +79,16 @@ def refuse_links(folder: Path) -> None:
 
 @contextmanager
 def working_in(folder: Path) -> Iterator[None]:
-    """Lock a folder; the system releases it, also where the process is killed.
+    """Make and lock a folder; the system releases it, also where the process is killed. If empty then, it goes.
 
     Raises:
         InputError: another process works there, or this one already does, or a link is where a run writes
+        OSError: the folder cannot be made, or written
     """
     refuse_links(folder)
-    try:
-        file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-    except OSError:  # nothing else can be written there either, which says why
-        yield
-        return
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
         with suppress(OSError):  # a file system without locks
             try:
@@ -100,18 +98,16 @@ def working_in(folder: Path) -> Iterator[None]:
                 free = False
             if not free:
                 raise InputError(f"another process works in {folder}; wait for its end, or take another folder")
-        yield
+        try:
+            yield
+        finally:
+            if is_empty(folder):
+                (folder / LOCK).unlink(missing_ok=True)
+                with suppress(OSError):  # it contains temporary files
+                    for path in made:
+                        path.rmdir()
     finally:
         os.close(file)
-
-
-def check_writable(folder: Path) -> None:
-    """Raise OSError for a folder that cannot be written, or cannot be made; writes nothing."""
-    place = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
-    if not place.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
 
 
 def is_empty(folder: Path) -> bool:

@@ -139,7 +139,7 @@ class JointSlip:
         tables = {SLIP: list(self.steps()), SLIP_LOOPS: self.loops(), RESPONSE: responses}
         for name, rows in tables.items():
             if rows:
-                write_csv(folder / name, tuple(rows[0]), map(_known, rows))
+                write_csv(folder / name, tuple(rows[0]), rows)
 
 
 def _rows(columns: Mapping[str, Array]) -> list[dict[str, float]]:

@@ -9,12 +9,11 @@ _MODULES = {
     "law": ["Law", "PowerLaw", "TaylorLaw", "bar_of"],
     "curve_law": ["CurveLaw"],
     "source": ["law_from"],
-    "numbers": ["Numbers"],
     "equation": ["Equation"],
     "motion": ["Trajectory"],
     "free": ["FreeVibration", "Thresholds"],
     "response": ["FrequencyResponse"],
-    "oscillator": ["ContactOscillator"],
+    "oscillator": ["ContactOscillator", "Numbers"],
     "run": ["Dynamics", "DynamicsSettings", "run_dynamics"],
 }
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs=_MODULES)

@@ -10,8 +10,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asperity.errors import ConvergenceError, InputError
 from asperity.model.dynamics import DynamicsSettings
 from asperity.runtime import run_folder
@@ -20,12 +18,12 @@ from asperity.runtime.files import replace_file, write_csv
 from asperity.vibration.free import FreeVibration, Thresholds
 from asperity.vibration.law import Law
 from asperity.vibration.motion import Trajectory
-from asperity.vibration.numbers import Numbers
-from asperity.vibration.oscillator import GRAVITY, ContactOscillator
+from asperity.vibration.oscillator import GRAVITY, ContactOscillator, Numbers
 from asperity.vibration.response import FrequencyResponse, finite
 from asperity.vibration.source import Choice, CurveColumns, choose
 
 _SAMPLES = 32  # of a period of small vibration
+_DIGITS = 7  # of a number in a file, more than it has
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ class Dynamics:
         tables = {run_folder.FREE: free, run_folder.RESPONSE: response, run_folder.MOTION: self.moved()}
         for name, rows in tables.items():
             if rows:
-                write_csv(path / name, list(rows[0]), map(_cells, rows))
+                write_csv(path / name, list(rows[0]), rows, digits=_DIGITS)
             else:  # of an earlier analysis
                 (path / name).unlink(missing_ok=True)
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
@@ -141,17 +139,6 @@ class Dynamics:
             }
             for model, values in self.thresholds.items()
         }  # fmt: skip
-
-
-def _cells(row: dict[str, Any]) -> dict[str, Any]:
-    """Cells of a row of a file, without those of NaN; seven digits are more than the rows have."""
-    known = {name: value for name, value in row.items() if value == value}
-    for name, value in known.items():
-        if isinstance(value, bool):
-            known[name] = str(value).lower()
-        elif isinstance(value, float | np.floating):
-            known[name] = float(f"{value:.7g}")
-    return known
 
 
 def run_dynamics(

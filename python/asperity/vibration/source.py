@@ -203,6 +203,9 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None, 
     for chosen in names:
         try:
             found, rows, done = _MAKE[chosen](columns, load)
+            if isinstance(found, CurveLaw) and found.bars is None:  # of the curve, beside what the points leave open
+                of_force, of_k = np.nan_to_num([columns.bar_at(load, of) for of in ("P_star", "k_n_elastic")])
+                found = found.about(load, force=of_force, stiffness=0.0 if found.k is None else of_k)
             break
         except AsperityError as error:
             if chosen == names[-1]:
@@ -284,14 +287,7 @@ def _through(
             origin = float(delta[0] - CurveLaw.of_stiffness(force[:2], k[:2]).z[0])
         else:
             origin = LocalFit(delta, force, measured=True).origin[0]
-    law = CurveLaw(delta, force, origin=origin, k=k if slopes else None, name=name)
-    return _with_bars(law, columns, load), rows, ""
-
-
-def _with_bars(law: CurveLaw, columns: CurveColumns, load: float) -> CurveLaw:
-    """Law with the error bars of its curve at a load, beside those that the points leave open."""
-    force, stiffness = (float(np.nan_to_num(columns.bar_at(load, name))) for name in ("P_star", "k_n_elastic"))
-    return law.about(load, force=force, stiffness=0.0 if law.k is None else stiffness)
+    return CurveLaw(delta, force, origin=origin, k=k if slopes else None, name=name), rows, ""
 
 
 def _elastic(columns: CurveColumns, load: float) -> Made:
@@ -304,8 +300,7 @@ def _elastic(columns: CurveColumns, load: float) -> Made:
             f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the loading, at least 2 are "
             "needed, up to the preload: compute it with output.stiffness = true"
         )
-    law = CurveLaw.of_stiffness(force[rows], k[rows], name="elastic tangent of the loading")
-    return _with_bars(law, columns, load), rows, ""
+    return CurveLaw.of_stiffness(force[rows], k[rows], name="elastic tangent of the loading"), rows, ""
 
 
 def _paper(columns: CurveColumns, load: float) -> Made:
