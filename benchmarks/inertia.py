@@ -277,7 +277,7 @@ class Transient:
             rounding = ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
                 self.plate, self.block = self.plate.at(q, scheme, h), self.block.at(guess, scheme, h)
-                held = solver.newton.rows  # nodes in contact move with the plate
+                held = solver.newton.now.rows  # nodes in contact move with the plate
                 for name in "vwa":
                     getattr(self.block, name).reshape(-1)[held] = -getattr(self.plate, name)
                 solver.solid.kernels.commit()

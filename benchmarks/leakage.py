@@ -26,7 +26,7 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.solve_contact import refine
 from asperity.arrays import Floats
-from asperity.contact.thin_film import ThinFilm
+from asperity.quasistatic.thin_film import ThinFilm
 from asperity.model.problem import Problem
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
@@ -118,7 +118,7 @@ def open_gaps(seeds: list[int]) -> None:
         for ratio in ratios:
             solver.delta = depth - ratio * Sq
             gap = solver.gap()
-            flows = film(gap, gap <= 0.0)
+            flows = film.through(gap, gap <= 0.0)
             factors.append(0.5 * (flows["transmissivity_x"] + flows["transmissivity_y"]) / (ratio * Sq) ** 3)
         found.append(factors)
         print(f"| {seed} | " + " | ".join(f"{factor:.3f}" for factor in factors) + " |", flush=True)

@@ -196,7 +196,7 @@ def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Sur
     """The first set of a step back is that in contact; at the new height of the flat nothing would be."""
     solver = press_of(coarse, rough, EXACT, PLASTIC)
     assert solver.step(0.01).converged
-    contact, force, z = solver.contact, solver.newton.force, solver.summit - 0.009
+    contact, force, z = solver.contact, solver.newton.now.force, solver.summit - 0.009
     held = contact.nodes()
     assert len(held) > 5
     contact.begin(z)

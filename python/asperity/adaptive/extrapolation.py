@@ -39,7 +39,7 @@ from asperity.adaptive.loading import (
     shifted,
 )
 from asperity.arrays import Flags, Floats
-from asperity.contact.thin_film import ThinFilm
+from asperity.quasistatic.thin_film import ThinFilm
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
 

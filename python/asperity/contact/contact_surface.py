@@ -125,13 +125,9 @@ class ContactSurface:
 
     def assemble(self, nodes: npt.NDArray[np.int32], values: Floats) -> Floats:
         """Sum facet values into a nodal array over all ranks, ghosts updated; collective."""
-        from dolfinx import la
-
-        vector = la.vector(self.solid.V.dofmap.index_map, 1)
-        np.add.at(vector.array, nodes.ravel(), values.ravel())
-        vector.scatter_reverse(la.InsertMode.add)
-        vector.scatter_forward()
-        return vector.array.copy()
+        parts, ghosts = np.zeros((self.solid.nodes, 1)), self.solid.ghosts
+        np.add.at(parts[:, 0], nodes.ravel(), values.ravel())
+        return ghosts.scatter_forward(ghosts.scatter_reverse(parts)).ravel().copy()
 
     def elevation(self, nodes: Integers) -> Floats:
         """Height of the deformed composite surface above the base at some of its local nodes (n,) [length]."""

@@ -256,7 +256,7 @@ class Saved:
         if solver.contact.held is not None:
             solver.contact.held = read_rows(comm, self.arrays, HELD, top, np.nan)
         numbers = dict(self.meta["solver"])
-        numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
+        numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks(**numbers["checks"])}
         numbers |= {name: read_rows(comm, self.arrays, name, owned) for name in DISPLACEMENTS}
         solver.restore(SolverState(**numbers))
         record.rows[:] = self.meta["rows"]
@@ -272,7 +272,7 @@ class Saved:
             totals = getattr(solid.phases, kind)
             for name, value in self.meta[kind].items():
                 totals[name] = totals.get(name, 0) + value
-        return Position.from_dict(self.meta["position"])
+        return Position(**self.meta["position"])
 
 
 def solver_fields(solver: ContactSolver) -> Iterator[Field]:

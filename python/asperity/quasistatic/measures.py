@@ -68,7 +68,6 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         "spots": count,
         "largest_spot": largest,
         **solver.probed,
-        **({} if solver.film is None else solver.film(gap, edges)),
         "max_strain": float(peaks[2]),
         "strained_fraction": float(sums[2] / sums[1]),
     }

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
-from asperity.contact.thin_film import ThinFilm
+from asperity.quasistatic.thin_film import ThinFilm
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.forms import FormKernels
-from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.resolution import judge_mesh
 from asperity.model.load_path import Schedule
@@ -74,10 +73,6 @@ class Callbacks:
     flow: bool = False
     on_curve: Callable[[Curve], None] | None = None
 
-    def probes(self, solid: Solid) -> tuple[Any, ...]:
-        """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
-        return (Stiffness(solid),) if self.stiffness else ()
-
     def stage(self, name: str) -> None:
         """Announce a stage."""
         if self.on_stage is not None:
@@ -127,9 +122,10 @@ def solve_problem(
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
-        solver.probes = hooks.probes(solver.solid)
+        if hooks.stiffness:
+            solver.probes += (Stiffness(solver.solid),)
         if hooks.flow:
-            solver.film = ThinFilm(solver.contact_surface, problem.composite, solver.summit)
+            solver.probes += (ThinFilm(solver.contact_surface, problem.composite, solver.summit),)
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
         hooks.stage("compilation of the forms")

@@ -37,17 +37,12 @@ class Position:
     """
 
     leg: int = 0  # number of finished loadings and unloadings
-    start: tuple[float, float] | None = None  # approach and force at the beginning of this leg; None before
+    start: Sequence[float] | None = None  # approach and force at the beginning of this leg; None before
     target: int = 0  # number of planned steps of this leg that are reached
     done: float = 0.0  # part of this leg that is done, of a leg in parts
     step: float = 0.0  # length of the next step, of a leg in parts the part of the leg; 0 lifts the flat off
     shortest: float = 0.0  # below it the run stops
     history: float | None = None  # approach of the committed history where the midpoint rule extrapolates it
-
-    @staticmethod
-    def from_dict(values: Mapping[str, Any]) -> Position:
-        """Inverse of `dataclasses.asdict`, also for values read from JSON."""
-        return Position(**{**values, "start": values["start"] and tuple(values["start"])})
 
 
 @dataclass
@@ -159,7 +154,7 @@ class ToApproach:
     """Leg to an approach in planned parts of the way; a step that was cut grows again to the next stop."""
 
     branch: str  # as in the curve
-    start: tuple[float, float]  # approach [L] and force [E L^2] at its beginning
+    start: Sequence[float]  # approach [L] and force [E L^2] at its beginning
     goal: float  # approach at its end [L]
     steps: int  # planned ones, without their parts
     stops: tuple[float, ...]  # ends of all parts of the way, in (0, 1]
@@ -286,7 +281,7 @@ class ToForce:
     """
 
     branch: str
-    start: tuple[float, float]
+    start: Sequence[float]
     goal: float  # force at its end [E L^2]
     steps: int
     midpoint: bool

@@ -8,7 +8,7 @@ from conftest import ELASTIC, here
 
 import asperity as asp
 from asperity.arrays import Floats
-from asperity.contact.thin_film import ThinFilm, transmissivity
+from asperity.quasistatic.thin_film import ThinFilm, transmissivity
 from asperity.model.settings import MeshSize
 from asperity.output.fields import gather_top_states
 from asperity.output.raster import Raster
@@ -26,7 +26,7 @@ def flow(surface: Surface, gap: float, h: float, sides: str = "rollers") -> Floa
     solver.contact.begin(np.inf)
     solver.contact.residual(solver.solid.internal_force())
     solver.delta = -gap
-    found = ThinFilm(solver.contact_surface, surface, solver.summit)(solver.gap(), solver.contact.touched_edges())
+    found = ThinFilm(solver.contact_surface, surface, solver.summit)(solver)
     assert found["hydraulic_aperture"] ** 3 == pytest.approx(np.mean([*found.values()][:2]))
     return np.array([found["transmissivity_x"], found["transmissivity_y"]])
 
