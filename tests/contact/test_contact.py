@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, here
+from conftest import ELASTIC, PLASTIC, here, make_contact_solver
 from element_sample import cubes, matrix_of
 from scipy.optimize import brentq
 
@@ -25,7 +25,6 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import ContactSolver
 from asperity.surface import Sinusoid, Surface
 

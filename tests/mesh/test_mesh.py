@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import here, top_of, world
+from conftest import here, make_block, make_contact_solver, top_of, world
 
 from asperity.arrays import Indices
 from asperity.errors import MeshError
@@ -23,7 +23,6 @@ from asperity.mesh.size_field import SizeField
 from asperity.mesh.top import heights_of_top
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
-from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, stored_fields, world
+from conftest import ELASTIC, make_block, stored_fields, world
 
 from asperity import reference
 from asperity.adaptive.solve_contact import solve_contact
@@ -23,7 +23,6 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize, SolverOptions
-from asperity.quasistatic.make import make_block
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 

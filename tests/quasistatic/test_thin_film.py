@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, here
+from conftest import ELASTIC, here, make_block, make_contact_solver
 
 import asperity as asp
 from asperity.arrays import Floats
-from asperity.quasistatic.thin_film import ThinFilm, transmissivity
 from asperity.model.settings import MeshSize
 from asperity.output.fields import gather_top_states
 from asperity.output.raster import Raster
-from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
+from asperity.quasistatic.thin_film import ThinFilm, transmissivity
 from asperity.surface import Flat, HeightMap, Surface
 
 NODES = 129

@@ -181,9 +181,7 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Any, rtol: float, co
     beyond = max(low - gained, gained - high)
     checks.work += 0.5 * (step.force_before + step.force) * move
     checks.stored, checks.dissipated = step.stored, dissipated
-    checks.peak, checks.work_at_peak = max(
-        (checks.peak, checks.work_at_peak), (step.stored + dissipated, checks.work)
-    )
+    checks.peak, checks.work_at_peak = max((checks.peak, checks.work_at_peak), (step.stored + dissipated, checks.work))
     if scale > 0.0:
         checks.energy_excess = max(checks.energy_excess, beyond / scale)
     slack = max(EXACT, rtol) if exact else MIDPOINT_ENERGY
