@@ -36,8 +36,9 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.measures import Record
 from asperity.quasistatic.newton import ROUNDING
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.stepping import follow
 from asperity.runtime.compiled import solver as _solver
 from asperity.surface import Sinusoid
 from asperity.vibration import ContactOscillator, CurveLaw

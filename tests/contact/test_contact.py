@@ -25,7 +25,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.stepping import ContactSolver
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.surface import Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]

@@ -19,7 +19,8 @@ from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, SolverOptions
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat
 

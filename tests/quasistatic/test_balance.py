@@ -31,8 +31,9 @@ from asperity.quasistatic.balance import (
     audit,
 )
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.measures import Record
 from asperity.quasistatic.newton import NewtonSolver
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.stepping import follow
 from asperity.surface import Surface
 
 Break = Callable[[pytest.MonkeyPatch, ContactSolver], None]

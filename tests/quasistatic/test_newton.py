@@ -20,7 +20,8 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic import newton
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import follow
 from asperity.surface import Sinusoid, Sphere, Surface
 
 EXTEND = Path(__file__).parents[2] / "docs" / "extend.md"

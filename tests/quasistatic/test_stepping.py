@@ -28,8 +28,10 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic import measures, solve_problem
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.legs import GROWTH, SMALLEST_CUT
+from asperity.quasistatic.measures import Record
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
+from asperity.quasistatic.stepping import follow
 from asperity.surface import Flat, Surface
 from asperity.vibration import law_from
 

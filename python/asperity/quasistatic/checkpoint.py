@@ -25,8 +25,8 @@ from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
-from asperity.quasistatic.measures import Snapshot
-from asperity.quasistatic.stepping import Position, Record
+from asperity.quasistatic.legs import Position
+from asperity.quasistatic.measures import Record, Snapshot
 from asperity.runtime.files import UNREADABLE, read_npz, remove_asides, write_npz
 from asperity.runtime.gathered import gather, hand_out, on_root_of
 from asperity.runtime.parallel import on_root, on_root_bcast

@@ -131,15 +131,15 @@ class ContactSolver:
 
         It begins with the displacement `start` (owned, 3) [L], by default one predicted from the last two steps.
         """
-        first, ratio = self._u if start is None else start, 1.0
-        if start is None and self._previous is not None:
+        predicted, ratio = self._u, 1.0
+        if self._previous is not None:
             before, u = self._previous
             if (delta - self.delta) * (self.delta - before) > 0.0:
                 ratio = (delta - self.delta) / (self.delta - before)
-                first = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
+                predicted = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
-        self.contact.expect(self.summit - self.delta, self._u, first, ratio)
-        return self._solve(f"delta/L = {delta:.6g}", first, abs(delta - self.delta))
+        self.contact.expect(self.summit - self.delta, self._u, predicted, ratio)
+        return self._solve(f"delta/L = {delta:.6g}", predicted if start is None else start, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
         try:

@@ -18,8 +18,10 @@ from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.legs import Position
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import Callback, follow
 from asperity.quasistatic.stiffness import Stiffness
 from asperity.quasistatic.thin_film import ThinFilm
 from asperity.runtime.parallel import on_root
