@@ -13,8 +13,7 @@ from asperity import reference
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError, MeshError, ResolutionWarning
-from asperity.fem.global_numbering import gather_nodes
-from asperity.fem.solid import Solid
+from asperity.fem.solid import Solid, gather_nodes
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
 from asperity.mesh.generate import build_block

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from asperity.arrays import Flags, Floats, Indices, Integers
 from asperity.contact.tool import Tool
 from asperity.curve.curve import EDGE
-from asperity.fem.global_numbering import cell_numbers
-from asperity.fem.solid import Solid
+from asperity.fem.solid import Solid, cell_numbers
 from asperity.mesh import element
 from asperity.mesh.distribute import TOP
 from asperity.mesh.top import Top

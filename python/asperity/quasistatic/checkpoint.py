@@ -20,8 +20,8 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.case.identity import refuse_another
 from asperity.errors import CheckpointError
-from asperity.fem.global_numbering import built_nodes, cell_numbers, node_numbers
 from asperity.fem.history import History
+from asperity.fem.solid import built_nodes, cell_numbers, node_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
