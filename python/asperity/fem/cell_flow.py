@@ -56,7 +56,7 @@ class CellFlow:
         beyond = np.maximum(self._bulk * np.sqrt(squares) - self._threshold, 0.0)
         first, rate = 0.5 * beyond**2 / self._spent, self._bulk / self._spent
         put(first[:, None], of=3)
-        cells = np.flatnonzero(beyond).astype(np.int32)
+        cells: Integers = np.flatnonzero(beyond).astype(np.int32)
         cells = cells[self._mean(measures(cells)[..., 1], cells) > 0.0]
         self.flowing, self._own = cells, own[cells]
         squares, beyond, first, flow = squares[cells], beyond[cells], first[cells], np.zeros(len(cells))

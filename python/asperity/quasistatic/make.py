@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from asperity.contact import make_contact
-from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.tool import Tool
+from asperity.contact.contact_surface import ContactSurface, Tool
 from asperity.fem.law_check import check_law
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import destroy_unused
