@@ -45,7 +45,8 @@ class CellFlow:
         before, put = dilatation - self._mean(dilatation)[:, None], self.coefficients.put
         put((0.0, 0.0, 1.0, 0.0))
         put(before, of=0)
-        self.permanent, self.flowing = before, np.empty(0, dtype=np.int32)
+        self.permanent = before
+        self.flowing: Integers = np.empty(0, dtype=np.int32)
         if measures is None:
             return
         own = measures(np.arange(len(before), dtype=np.int32))[..., 0] - before
@@ -56,7 +57,7 @@ class CellFlow:
         beyond = np.maximum(self._bulk * np.sqrt(squares) - self._threshold, 0.0)
         first, rate = 0.5 * beyond**2 / self._spent, self._bulk / self._spent
         put(first[:, None], of=3)
-        cells: Integers = np.flatnonzero(beyond).astype(np.int32)
+        cells = np.flatnonzero(beyond).astype(np.int32)
         cells = cells[self._mean(measures(cells)[..., 1], cells) > 0.0]
         self.flowing, self._own = cells, own[cells]
         squares, beyond, first, flow = squares[cells], beyond[cells], first[cells], np.zeros(len(cells))
