@@ -189,7 +189,7 @@ def test_an_element_turned_inside_out_is_refused() -> None:
 def test_refusals_reach_every_rank() -> None:
     deep = Sphere(L=1.0, radius=0.5, centre=(0.0, 0.0), shape="paraboloid")
     with pytest.raises(MeshError, match="valley"):
-        make_block(world(), deep, 1.0, 0.1, MeshSize(0.4))
+        make_block(world(), deep, 1.0, 0.1, MeshSize(0.4, h_max=0.5))
     block = turned(uniform(Flat(L=1.0), 0.2)) if world().rank == 0 else None
     with pytest.raises(MeshError, match="turned inside out"):
         make_contact_solver(world(), Flat(L=1.0), block, Material(1.0, 0.3))
