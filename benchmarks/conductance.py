@@ -69,8 +69,8 @@ def excess(slope: float, nu: float, seed: int) -> list[float]:
         "self-affine", L=1.0, H=0.8, rms_slope=slope, lambda_roll=0.5, lambda_short=0.125, seed=seed
     )
     depth = DEPTH * surface.statistics().Sq
-    block = make_block(MPI.COMM_SELF, surface, 1.0, depth, asp.MeshSize(0.03))
-    solver = make_contact_solver(MPI.COMM_SELF, surface, block, asp.Material(1.0, nu))
+    problem = asp.Problem.of(surface, asp.Material(1.0, nu), delta_max=depth, size=asp.MeshSize(0.03))
+    solver = make_contact_solver(MPI.COMM_SELF, problem, make_block(MPI.COMM_SELF, problem, depth))
     solid, found = solver.solid, []
     solver.probes = (Stiffness(solid),)
     for delta in depth * np.arange(1, STEPS + 1) / STEPS:

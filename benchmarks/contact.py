@@ -81,7 +81,9 @@ class Scene:
 
     def block(self, size: float) -> BlockMesh | None:
         """Mesh of a size."""
-        return make_block(MPI.COMM_SELF, self.surface, self.height, self.depth, asp.MeshSize(size, growth=0.4))
+        elastic, size_of = asp.Material(1.0, 0.3), asp.MeshSize(size, growth=0.4)
+        problem = asp.Problem.of(self.surface, elastic, delta_max=self.depth, height=self.height, size=size_of)
+        return make_block(MPI.COMM_SELF, problem, self.depth)
 
     def planned(self, curve: asp.Curve) -> asp.Curve:
         """The planned steps of a curve, without those that were cut."""

@@ -62,12 +62,12 @@ def spot() -> None:
 def cycle() -> None:
     """Dissipation of unloading by a quarter of the approach and loading again over that of the first loading."""
     rough = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5, seed=0)
-    steel = asp.Material(1.0, 0.3, 0.005, 0.2)
+    problem = asp.Problem.of(rough, asp.Material(1.0, 0.3, 0.005, 0.2), delta_max=0.02)
     block = build_block(rough, 1.0, SizeField.of(rough, 0.03, 0.2, growth=0.5, h_max=0.5).at)
     down = [0.019, 0.018, 0.017, 0.016, 0.015]
     for of in (NONE, kernels.RELAXATION):
         with relaxation(of):
-            solver, lost = make_contact_solver(MPI.COMM_SELF, rough, block, steel), []
+            solver, lost = make_contact_solver(MPI.COMM_SELF, problem, block), []
             for path in ([0.005, 0.01, 0.015, 0.02], *[[*down, *down[-2::-1], 0.02]] * 3):
                 if not all(solver.step(delta).converged for delta in path):
                     raise RuntimeError("no convergence")

@@ -33,10 +33,12 @@ from asperity.fem.weak_form import Matrix, measure
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
+from asperity.model.problem import Problem
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.measures import Record
 from asperity.quasistatic.newton import ROUNDING
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.stepping import follow
 from asperity.runtime.compiled import solver as _solver
 from asperity.surface import Sinusoid
 from asperity.vibration import ContactOscillator, CurveLaw
@@ -277,7 +279,7 @@ class Transient:
             rounding = ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
                 self.plate, self.block = self.plate.at(q, scheme, h), self.block.at(guess, scheme, h)
-                held = solver.newton.rows  # nodes in contact move with the plate
+                held = solver.newton.now.rows  # nodes in contact move with the plate
                 for name in "vwa":
                     getattr(self.block, name).reshape(-1)[held] = -getattr(self.plate, name)
                 solver.solid.kernels.commit()
@@ -318,7 +320,7 @@ BUMP, DEEP, ZETA, NU = Sinusoid(L=1.0, amplitude=0.05, wavelength=1.0), 0.035, 0
 def pressed() -> ContactSolver:
     """The bump in contact with the flat, without a load."""
     block = build_block(BUMP, 1.0, lambda x, y, depth: 0.35)
-    return make_contact_solver(MPI.COMM_SELF, BUMP, block, Material(1.0, NU))
+    return make_contact_solver(MPI.COMM_SELF, Problem.of(BUMP, Material(1.0, NU), delta_max=0.06), block)
 
 
 def static_law() -> CurveLaw:

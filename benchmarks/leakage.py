@@ -26,10 +26,10 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.solve_contact import refine
 from asperity.arrays import Floats
-from asperity.contact.thin_film import ThinFilm
 from asperity.model.problem import Problem
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
+from asperity.quasistatic.thin_film import ThinFilm
 from asperity.reference import RoughHalfSpace
 from asperity.reference.halfspace import compliance_of_waves, displacement
 from asperity.reference.leakage import transmissivity
@@ -111,14 +111,14 @@ def open_gaps(seeds: list[int]) -> None:
         problem = patch(seed)
         surface, Sq = problem.surface, problem.surface.statistics().Sq
         depth = surface.maximum()[2] - surface.mean()
-        block = make_block(MPI.COMM_SELF, surface, 1.0, 10.0 * depth, asp.MeshSize(0.02, h_max=0.02), problem.sides)
-        solver = make_contact_solver(MPI.COMM_SELF, surface, block, problem.material, sides=problem.sides)
+        problem = replace(problem, size=asp.MeshSize(0.02, h_max=0.02))
+        solver = make_contact_solver(MPI.COMM_SELF, problem, make_block(MPI.COMM_SELF, problem, 10.0 * depth))
         top, factors = solver.contact_surface, []
         film = ThinFilm(top, surface, solver.summit)
         for ratio in ratios:
             solver.delta = depth - ratio * Sq
             gap = solver.gap()
-            flows = film(gap, gap <= 0.0)
+            flows = film.through(gap, gap <= 0.0)
             factors.append(0.5 * (flows["transmissivity_x"] + flows["transmissivity_y"]) / (ratio * Sq) ** 3)
         found.append(factors)
         print(f"| {seed} | " + " | ".join(f"{factor:.3f}" for factor in factors) + " |", flush=True)

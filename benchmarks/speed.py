@@ -119,7 +119,9 @@ def ranks(sizes: tuple[float, ...]) -> None:
     parts = "set-up", "residual", "tangent", "preconditioner", "linear solve"
     head(f"ranks, dofs, Newton, Krylov, s, {', '.join(parts)}, GiB")
     for h in sizes:
-        block = make_block(comm, asp.Surface.from_spec(**SURFACE), L, 0.02 * L, asp.MeshSize(h * L), "rollers")
+        size = asp.MeshSize(h * L)
+        problem = asp.Problem.of(asp.Surface.from_spec(**SURFACE), MATERIALS["plastic"], delta_max=0.02 * L, size=size)
+        block = make_block(comm, problem, 0.02 * L)
         start = perf_counter()
         result, _ = press("plastic", h, 0.02, 4, block=block)
         seconds = perf_counter() - start

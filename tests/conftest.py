@@ -26,7 +26,12 @@ from asperity.mesh.block import BlockMesh, Top
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
+from asperity.model.load_path import Schedule
 from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import MeshSize
+from asperity.quasistatic import make
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import Ranks, on_root
 from asperity.runtime.run_folder import LOCK
@@ -68,6 +73,21 @@ def top_of(block: BlockMesh, surface: Surface) -> Top:
     faces = outer_faces(block.tets)
     faces = faces[block.on_top(surface)[faces].all(axis=1)]
     return Top((block.points - np.array([0.0, 0.0, block.height])) / block.side, faces)
+
+
+def make_block(
+    comm: Any, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers"
+) -> BlockMesh | None:
+    """Mesh of a block of any material."""
+    problem = Problem(surface, ELASTIC, Schedule(delta_max=delta_max), height, sides, size=size)
+    return make.make_block(comm, problem, delta_max)
+
+
+def make_contact_solver(
+    comm: Any, surface: Surface, block: BlockMesh | None, material: Material, **given: Any
+) -> ContactSolver:
+    """Solver of a block for any load path, of the other arguments of a `Problem`."""
+    return make.make_contact_solver(comm, Problem(surface, material, Schedule(delta_max=1e-3), **given), block)
 
 
 def assembled(solid: Solid) -> Any:

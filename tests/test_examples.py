@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from conftest import CLEAN
+from conftest import CLEAN, make_block, make_contact_solver
 from mpi4py import MPI
 
 import asperity as asp
 from asperity.errors import AsperityWarning
-from asperity.quasistatic.make import make_block, make_contact_solver
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

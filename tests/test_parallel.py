@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, here, stored_fields, world
+from conftest import ELASTIC, PLASTIC, here, make_contact_solver, stored_fields, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
@@ -26,7 +26,6 @@ from asperity.output.results import Results
 from asperity.plot import figures_of
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.make import make_contact_solver
 from asperity.runtime.parallel import on_root
 from asperity.runtime.run_folder import FIGURES
 from asperity.surface import Sinusoid, Surface

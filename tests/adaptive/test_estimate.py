@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import here
+from conftest import here, make_block
 
 import asperity as asp
 from asperity.adaptive.estimate import BASE, estimate
 from asperity.case import Case
 from asperity.job.run_case import run
 from asperity.mesh.shared_nodes import joined
-from asperity.quasistatic.make import make_block
 
 ROOT = Path(__file__).parents[2]
 QUICK = [

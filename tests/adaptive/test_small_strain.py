@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import here, world
+from conftest import here, make_contact_solver, world
 
 from asperity.adaptive.guide import choose_kinematics
 from asperity.adaptive.solve_contact import refine, solve_contact
@@ -18,7 +18,6 @@ from asperity.job.run_case import run
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
-from asperity.quasistatic.make import make_contact_solver
 from asperity.surface import Flat, SelfAffine, Sinusoid, Sphere, Surface
 
 AUTO = Material(1.0, 0.3, kinematics="auto")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, here
+from conftest import ELASTIC, PLASTIC, here, make_contact_solver
 from element_sample import cubes, matrix_of
 from scipy.optimize import brentq
 
@@ -25,8 +25,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.stepping import ContactSolver
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.surface import Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
@@ -196,7 +195,7 @@ def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Sur
     """The first set of a step back is that in contact; at the new height of the flat nothing would be."""
     solver = press_of(coarse, rough, EXACT, PLASTIC)
     assert solver.step(0.01).converged
-    contact, force, z = solver.contact, solver.newton.force, solver.summit - 0.009
+    contact, force, z = solver.contact, solver.newton.now.force, solver.summit - 0.009
     held = contact.nodes()
     assert len(held) > 5
     contact.begin(z)

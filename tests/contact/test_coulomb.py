@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import PLASTIC, here, world
+from conftest import PLASTIC, here, make_block, make_contact_solver, world
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipk
@@ -21,7 +21,6 @@ from asperity.model.material import Material
 from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_contact_solver
 from asperity.surface import Flat, Sphere, Surface
 
 ELASTIC = Material(1.0, 0.0)
@@ -102,7 +101,6 @@ def approach_of_sphere(nu: float) -> float:
 @pytest.fixture(scope="module")
 def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
     """A quarter of a sphere in a corner, small against the block, with its mesh and load."""
-    from asperity.quasistatic.make import make_block
 
     sphere, a = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid"), 0.02
     delta = a * a / 10.0

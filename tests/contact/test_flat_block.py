@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, here, make_contact_solver, world
 from j2_path import confined_stress, uniaxial_stress
 
 from asperity import reference as ref
@@ -19,8 +19,8 @@ from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, SolverOptions
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, assembled, here
+from conftest import ELASTIC, PLASTIC, assembled, here, make_block, make_contact_solver
 from element_sample import PAIRS, matrix_of
 from scipy.sparse.linalg import splu
 
@@ -27,7 +27,6 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.runtime import compat
 from asperity.surface import Sinusoid, Surface
 

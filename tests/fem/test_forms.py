@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import world
+from conftest import make_contact_solver, world
 from element_sample import difference, sample
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +16,6 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, SolverOptions
-from asperity.quasistatic.make import make_contact_solver
 from asperity.surface import Surface
 
 E, NU, Y, E_T = 1.0, 0.3, 0.005, 0.05

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import PLASTIC, here
+from conftest import PLASTIC, here, make_contact_solver
 from element_sample import cubes
 
 from asperity import _solver
 from asperity.model.settings import Formulation, SolverOptions
-from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stiffness import Stiffness
 from asperity.surface import Flat
 

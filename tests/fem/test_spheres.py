@@ -24,7 +24,9 @@ from asperity.mesh.generate import nodes_and_elements
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
-from asperity.quasistatic.stepping import ContactSolver, Record, follow
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import follow
 
 NU = 0.3
 #: E_t/E -> force over that at the onset of yield, of a hemisphere on a sliding base pressed by a rigid flat to W times

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, world
+from conftest import ELASTIC, make_contact_solver, world
 from scipy import sparse
 
 from asperity import _solver
@@ -19,7 +19,6 @@ from asperity.linear.coarse import Distributed, Factors, Substructures, interfac
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.model.settings import SolverOptions
-from asperity.quasistatic.make import make_contact_solver
 from asperity.surface import Surface
 
 pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")

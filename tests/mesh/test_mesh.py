@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import here, top_of, world
+from conftest import here, make_block, make_contact_solver, top_of, world
 
 from asperity.arrays import Indices
 from asperity.errors import MeshError
@@ -22,7 +22,6 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
-from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
@@ -189,7 +188,7 @@ def test_an_element_turned_inside_out_is_refused() -> None:
 def test_refusals_reach_every_rank() -> None:
     deep = Sphere(L=1.0, radius=0.5, centre=(0.0, 0.0), shape="paraboloid")
     with pytest.raises(MeshError, match="valley"):
-        make_block(world(), deep, 1.0, 0.1, MeshSize(0.4))
+        make_block(world(), deep, 1.0, 0.1, MeshSize(0.4, h_max=0.5))
     block = turned(uniform(Flat(L=1.0), 0.2)) if world().rank == 0 else None
     with pytest.raises(MeshError, match="turned inside out"):
         make_contact_solver(world(), Flat(L=1.0), block, Material(1.0, 0.3))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import PLASTIC, here
+from conftest import PLASTIC, here, make_contact_solver
 from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
@@ -17,7 +17,6 @@ from asperity.contact.friction import Coulomb
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.settings import Formulation
-from asperity.quasistatic.make import make_contact_solver
 from asperity.runtime.run_folder import EXPORTS
 
 E, NU, MU, K = 1e6, 0.3, 0.4, 20.0  # force K z^1.5 on a patch of side 2

@@ -11,7 +11,7 @@ from conftest import stored_fields
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Array
 from asperity.errors import OutputError
-from asperity.fem.global_numbering import built_nodes, cell_numbers
+from asperity.fem.solid import built_nodes, cell_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import gather_top_states, von_mises, write_vtkhdf

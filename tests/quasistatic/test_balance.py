@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, world
+from conftest import ELASTIC, PLASTIC, make_contact_solver, world
 
 import asperity as asp
 import asperity.quasistatic.contact_solver
@@ -31,9 +31,9 @@ from asperity.quasistatic.balance import (
     audit,
 )
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.measures import Record
 from asperity.quasistatic.newton import NewtonSolver
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.stepping import follow
 from asperity.surface import Surface
 
 Break = Callable[[pytest.MonkeyPatch, ContactSolver], None]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, here, make_block, make_contact_solver, world
 from element_sample import sample
 from scipy.linalg import logm
 
@@ -17,7 +17,6 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
 from asperity.output.results import Raster
-from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.measures import mean_stress, row
 from asperity.surface import Sinusoid, Surface
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, here, make_block, make_contact_solver, world
 
 from asperity.fem.tangent import Tangent
 from asperity.linear.multigrid import PMultigrid
@@ -20,8 +20,8 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic import newton
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import follow
 from asperity.surface import Sinusoid, Sphere, Surface
 
 EXTEND = Path(__file__).parents[2] / "docs" / "extend.md"

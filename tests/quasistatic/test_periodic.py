@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, stored_fields, world
+from conftest import ELASTIC, make_block, stored_fields, world
 
 from asperity import reference
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError, MeshError, ResolutionWarning
-from asperity.fem.global_numbering import gather_nodes
-from asperity.fem.solid import Solid
+from asperity.fem.solid import Solid, gather_nodes
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
 from asperity.mesh.generate import build_block
@@ -23,7 +22,6 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize, SolverOptions
-from asperity.quasistatic.make import make_block
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 

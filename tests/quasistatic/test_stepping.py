@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, here, make_contact_solver, world
 from j2_path import confined_stress
 from scipy.optimize import brentq
 
@@ -28,9 +28,10 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic import measures, solve_problem
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.legs import GROWTH, SMALLEST_CUT
+from asperity.quasistatic.measures import Record
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
+from asperity.quasistatic.stepping import follow
 from asperity.surface import Flat, Surface
 from asperity.vibration import law_from
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, here, make_contact_solver, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
@@ -16,7 +16,6 @@ from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stiffness import Stiffness, without_block
 from asperity.reference import Hertz
 from asperity.surface import Flat, Sphere, Surface

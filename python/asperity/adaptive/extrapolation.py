@@ -39,9 +39,9 @@ from asperity.adaptive.loading import (
     shifted,
 )
 from asperity.arrays import Flags, Floats
-from asperity.contact.thin_film import ThinFilm
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
+from asperity.quasistatic.thin_film import ThinFilm
 
 # Deviation of the force over that of the area from mesh to mesh, both relative: 0.11 and 0.15 on meshes of scale 1 and
 # 2 of twelve single spots, each at another place of the block. In a solid that yields the force is that of a full

@@ -97,7 +97,7 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
     elif case.mesh.file is not None:
         take(BlockMesh.read(case.mesh.file))
     else:
-        block = make_block(comm, surface, problem.height, approach, problem.size, problem.sides, problem.composite)
+        block = make_block(comm, problem, approach)
         judge(problem, block, approach)
         take(block)
 

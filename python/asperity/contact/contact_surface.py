@@ -1,4 +1,4 @@
-"""Contact surface of a solid: facets of its rough top, quadrature on them, pressure, area and spots."""
+"""Contact surface of a solid below a flat or tool: facets of its top, quadrature, pressure, area and spots."""
 
 from __future__ import annotations
 
@@ -9,19 +9,53 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Flags, Floats, Indices, Integers
-from asperity.contact.tool import Tool
 from asperity.curve.curve import EDGE
-from asperity.fem.global_numbering import cell_numbers
-from asperity.fem.solid import Solid
+from asperity.fem.solid import Solid, cell_numbers
 from asperity.mesh import element
 from asperity.mesh.block import Top
 from asperity.mesh.distribute import TOP
 from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.parallel import gather
+from asperity.surface import Surface
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost
 IN_ORDER = (0, 1, 2, 5, 3, 4)  # nodes of a facet, corners and opposite edges, in the order of `element.FACES`
+TIP, AROUND = 0.01, 0.25  # fall of the heights around a tip over their distance; that over the distance of the nodes
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Heights of a rigid body, towards the solid, at points in units of L.
+
+    Attributes:
+        surface: with these heights [length]
+        periodic: whether a point beyond the patch is the one a period away; otherwise that on the edge counts
+    """
+
+    surface: Surface
+    periodic: bool = False
+
+    def _at(self, points: Floats) -> Floats:
+        inside = points % 1.0 if self.periodic else np.clip(points, 0.0, 1.0)
+        return np.asarray(self.surface.L * inside.T)
+
+    def height(self, points: Floats) -> Floats:
+        """Heights at points (n, 2) [L]: (n,) [L]."""
+        return np.asarray(self.surface.height(*self._at(points)) / self.surface.L)
+
+    def shape(self, points: Floats) -> tuple[Floats, Floats]:
+        """Slopes and second derivatives at points (n, 2) [L]: (n, 2), (n, 2, 2) [1/L]."""
+        at = self._at(points)
+        xx, xy, yy = self.surface.hessian(*at)
+        curvature = self.surface.L * np.stack([xx, xy, xy, yy], axis=-1).reshape(-1, 2, 2)
+        return np.stack(self.surface.gradient(*at), axis=-1), curvature
+
+    def tips(self, points: Floats, spacing: Floats) -> Flags:
+        """Whether the heights fall on all sides of points (n, 2) [L], within the `spacing` of nodes (n,) [L]."""
+        ring = AROUND * spacing[:, None, None] * np.concatenate([np.eye(2), -np.eye(2)])
+        around = self.height((points[:, None] + ring).reshape(-1, 2)).reshape(-1, 4).max(axis=1)
+        return np.asarray(self.height(points) - around > TIP * AROUND * spacing)
 
 
 @dataclass(frozen=True)
@@ -125,13 +159,9 @@ class ContactSurface:
 
     def assemble(self, nodes: npt.NDArray[np.int32], values: Floats) -> Floats:
         """Sum facet values into a nodal array over all ranks, ghosts updated; collective."""
-        from dolfinx import la
-
-        vector = la.vector(self.solid.V.dofmap.index_map, 1)
-        np.add.at(vector.array, nodes.ravel(), values.ravel())
-        vector.scatter_reverse(la.InsertMode.add)
-        vector.scatter_forward()
-        return vector.array.copy()
+        parts, ghosts = np.zeros((self.solid.nodes, 1)), self.solid.ghosts
+        np.add.at(parts[:, 0], nodes.ravel(), values.ravel())
+        return ghosts.scatter_forward(ghosts.scatter_reverse(parts)).ravel().copy()
 
     def elevation(self, nodes: Integers) -> Floats:
         """Height of the deformed composite surface above the base at some of its local nodes (n,) [length]."""

@@ -11,7 +11,7 @@ from asperity.arrays import Floats, Integers
 from asperity.fem.weak_form import PointValues
 
 ITERATIONS = 100  # of the flow of a cell, as in relaxation.hpp
-ROUNDING = 1e-15  # of the flow, at which it has settled
+ROUNDING = 1e-14  # of the flow, at which it has settled
 #: Dilatation, flow and its derivative by a relief at the points of some cells (n, points, 3).
 Measures = Callable[[Integers], Floats]
 
@@ -51,39 +51,33 @@ class CellFlow:
             return
         own = measures(np.arange(len(before), dtype=np.int32))[..., 0] - before
         mean = self._mean(own)[:, None]
+        put(mean, of=1)
         own -= mean
         squares = self._mean(own**2)
-        size, rate = np.sqrt(squares), self._bulk / self._spent
-        beyond = np.maximum(self._bulk * size - self._threshold, 0.0)
-        first = 0.5 * beyond**2 / self._spent
-        m, flow, relief, softness = np.ones_like(size), np.zeros_like(size), first.copy(), np.zeros_like(size)
-        cells: Integers = np.flatnonzero(beyond).astype(np.int32)
-        for _ in range(ITERATIONS):
-            if not len(cells):
-                break
-            put(relief[cells, None], cells, of=3)
+        beyond = np.maximum(self._bulk * np.sqrt(squares) - self._threshold, 0.0)
+        first, rate = 0.5 * beyond**2 / self._spent, self._bulk / self._spent
+        put(first[:, None], of=3)
+        cells = np.flatnonzero(beyond).astype(np.int32)
+        cells = cells[self._mean(measures(cells)[..., 1], cells) > 0.0]
+        self.flowing, self._own = cells, own[cells]
+        squares, beyond, first, flow = squares[cells], beyond[cells], first[cells], np.zeros(len(cells))
+        for _ in range(ITERATIONS):  # Newton's method from below on a concave function: monotone
+            m = 1.0 / (1.0 + rate * flow)
+            put((first * m**2)[:, None], cells, of=3)
             found = measures(cells)
-            driven, softness[cells] = (self._mean(found[..., k], cells) for k in (1, 2))
-            steep = softness[cells] * 2.0 * rate * m[cells] * relief[cells]
-            step = (driven - flow[cells]) / (1.0 + steep)
-            flow[cells] += step
-            m[cells] = 1.0 / (1.0 + rate * flow[cells])
-            relief[cells] = first[cells] * m[cells] ** 2
-            cells = cells[np.abs(step) > ROUNDING * flow[cells]]
-        put(relief[:, None], of=3)
-        self.flowing = cells = np.flatnonzero(flow * beyond > 0.0).astype(np.int32)
-        part = beyond[cells] / (self._bulk * size[cells])
-        lost = rate * flow[cells] * m[cells]  # 1 - m
-        kept = np.ones_like(size)
-        kept[cells] = 1.0 - part * lost
-        put(mean, of=1)
-        put(kept[:, None], of=2)
-        self.permanent = before + (1.0 - kept)[:, None] * own
+            driven, self._softness = (self._mean(found[..., k], cells) for k in (1, 2))
+            self._relief_slope = -2.0 * rate * first * m**3
+            step = (driven - flow) / (1.0 - self._softness * self._relief_slope)
+            flow += step
+            if np.all(np.abs(step) <= ROUNDING * flow):
+                break
+        part = beyond / (self._bulk * np.sqrt(squares))
+        kept = 1.0 - part * rate * flow * m
+        put(kept[:, None], cells, of=2)
+        self.permanent[cells] += (1.0 - kept)[:, None] * self._own
         # of the tangent
-        self._own, self._lost, self._softness = own[cells], 1.0 - kept[cells], softness[cells]
-        self._slope = -self._bulk * part * rate * m[cells] ** 2
-        self._curvature = -lost * self._threshold / (size * squares)[cells]
-        self._relief_slope = -2.0 * rate * (m * relief)[cells]
+        self._lost, self._slope = 1.0 - kept, -self._bulk * part * rate * m**2
+        self._curvature = -rate * flow * m * self._threshold / squares**1.5
 
     def stiffness(self, rows: Floats) -> Floats:
         """What the flowing cells add to the tangent of their points (n, dofs, dofs).

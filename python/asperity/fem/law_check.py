@@ -1,7 +1,7 @@
 """A law compiled for one cell, and what it must be: free of stress at rest, symmetric, and as it declares.
 
-The strain and the state of the cell are coefficients, the parameters constants. A directional derivative of the stress
-gives the tangent, so that nothing here knows what the law is made of.
+The strain and the state of the cell are coefficients, the parameters constants. The derivative of the stress gives the
+tangent, so that nothing here knows what the law is made of.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ class Response:
 
     Attributes:
         stress: Cauchy's of a strain; of an energy the first stress of Piola and Kirchhoff (3, 3) [force/length^2]
-        rate: its derivative along the direction (3, 3) [force/length^2]
         held: stress over the old state, of the elastic part (3, 3) [force/length^2]; the stress where there is none
+        tangent: derivative of the stress by a symmetric strain, as a matrix of Mandel's (6, 6) [force/length^2]
         state: stored components of the new state (k,)
     """
 
     stress: Floats
-    rate: Floats
     held: Floats
+    tangent: Floats
     state: Floats
 
 
@@ -71,7 +71,7 @@ class OneCell:
             element = basix.ufl.element("DG", "tetrahedron", 0, shape=shape)
             return fem.Function(fem.functionspace(self._mesh, element))
 
-        self._strain, self._along, self._state = at_point(3, 3), at_point(3, 3), at_point(max(self._width, 1))
+        self._strain, self._state = at_point(3, 3), at_point(max(self._width, 1))
         self._given = law.constants
         self._constants = {name: fem.Constant(self._mesh, np.float64(value)) for name, value in self._given.items()}
         strain, before = ufl.variable(self._strain), unpacked(law, self._state)
@@ -89,46 +89,35 @@ class OneCell:
                     held = _of_shape(law, (3, 3), "the elastic stress", held)
             for name, shape in law.state.items():
                 after[name] = _of_shape(law, shape, f"the state {name}", after[name])
-            tensors = stress, held, ufl.derivative(stress, self._strain, self._along)
-            parts = [tensor[i, j] for tensor in tensors for i in range(3) for j in range(3)]
+            parts = [tensor[i, j] for tensor in (stress, held) for i in range(3) for j in range(3)]
+            rate = ufl.diff(stress, strain)
+            parts += [
+                0.25 * (rate[i, j, k, m] + rate[j, i, k, m] + rate[i, j, m, k] + rate[j, i, m, k])
+                for (i, j), (k, m) in product(SYMMETRIC, SYMMETRIC)
+            ]
             parts += packed(law, after) + packed(law, after, transposed=True)
             point = np.array([[0.25, 0.25, 0.25]])
             self._values = compiled(fem.Expression, ufl.as_vector(parts), point, MPI.COMM_SELF)
 
     def __call__(
-        self,
-        strain: Floats,
-        state: Floats | None = None,
-        along: Floats | None = None,
-        others: Mapping[str, float] | None = None,
+        self, strain: Floats, state: Floats | None = None, others: Mapping[str, float] | None = None
     ) -> Response:
         """Response to a strain, or deformation gradient of an energy.
 
         Args:
             strain: (3, 3)
             state: stored components before (k,); None is the virgin one
-            along: direction of the derivative (3, 3)
             others: parameters in place of those of the law; "dt" is the length of the step [s], otherwise zero
         """
         self._strain.x.array[:] = np.ravel(strain)
-        self._along.x.array[:] = 0.0 if along is None else np.ravel(along)
         self._state.x.array[:] = 0.0 if state is None or not self._width else state
         for name, value in (self._given | dict(others or {})).items():
             self._constants[name].value = value
         found = np.array(self._values.eval(self._mesh, np.zeros(1, dtype=np.int32)), dtype=float).ravel()
-        stress, held, rate = found[:27].reshape(3, 3, 3)
-        after, transposed = np.split(found[27:], 2)
-        return Response(stress, rate, held, after if _same(after, transposed) else np.full(self._width, np.nan))
-
-    def tangent(self, strain: Floats, state: Floats | None = None, others: Mapping[str, float] | None = None) -> Floats:
-        """Derivative of the stress by the components of a symmetric strain, as a matrix of Mandel's (6, 6)."""
-        found = np.empty((6, 6))
-        for k, (i, j) in enumerate(SYMMETRIC):
-            along = np.zeros((3, 3))
-            along[i, j] = along[j, i] = 1.0 if i == j else 0.5
-            rate = self(strain, state, along, others).rate
-            found[:, k] = [0.5 * (rate[ij] + rate[ij[::-1]]) for ij in SYMMETRIC]
-        return found * np.outer(MANDEL, MANDEL)
+        stress, held, rate, after, transposed = np.split(found, [9, 18, 54, 54 + self._width])
+        tangent = rate.reshape(6, 6) * np.outer(MANDEL, MANDEL)
+        state = after if _same(after, transposed) else np.full(self._width, np.nan)
+        return Response(stress.reshape(3, 3), held.reshape(3, 3), tangent, state)
 
 
 def _of_shape(law: Law, shape: tuple[int, ...], what: str, value: Any) -> Any:
@@ -163,9 +152,8 @@ def check_law(law: Law) -> None:
     times: list[dict[str, float]] = [{"dt": dt} for dt in DURATIONS] if law.declared.time else [{}]
     for strain, step in product([rest + 0.5 * (each + each.T) for each in strains], times):
         first, larger = cell(strain, others=step), rest + 1.5 * (strain - rest)
-        answers = [(strain, None, first), (larger, first.state, cell(larger, first.state, others=step))]
-        for answer in answers:
-            if wrong := doubt(law, *answer, numbers=size_of(law, answer[0]) <= SMALL, others=step):
+        for at, found in ((strain, first), (larger, cell(larger, first.state, others=step))):
+            if wrong := doubt(law, at, found, numbers=size_of(law, at) <= SMALL):
                 refuse(law.source, wrong)
         if law.state and size_of(law, strain) <= SMALL:
             _check_state(law, cell, strain, first)
@@ -178,7 +166,8 @@ def check_law(law: Law) -> None:
 
 def _check_rest(law: Law, cell: OneCell, rest: Floats) -> Floats:
     """Check stress and tangent at rest; the tangent."""
-    C, stress = cell.tangent(rest), cell(rest).stress
+    found = cell(rest)
+    C, stress = found.tangent, found.stress
     for what, value in {"a stress": stress, "a tangent": C}.items():
         if not np.isfinite(value).all():
             refuse(law.source, f"gives {what} that is not a number at rest")
@@ -206,24 +195,15 @@ def _check_moduli(law: Law, C: Floats) -> None:
             refuse(law.source, f"has {name} = {found:.6g} at rest and declares {told}: declare @asp.law({name}=...)")
 
 
-def doubt(
-    law: Law, strain: Floats, state: Floats | None, found: Response, numbers: bool = True,
-    others: Mapping[str, float] | None = None,
-) -> str:  # fmt: skip
-    """What is wrong with the response to a strain over a state, empty where nothing is.
-
-    Args:
-        numbers: whether what is not a number is wrong
-        others: as `OneCell` takes them
-    """
-    C = one_cell(law).tangent(strain, state, others)
+def doubt(law: Law, strain: Floats, found: Response, numbers: bool = True) -> str:
+    """What is wrong with the response to a strain, empty where nothing is; without `numbers` infinities are not."""
     where = f"at a strain of {size_of(law, strain):.2g}"
-    for what, value in {"stress": found.stress, "state": found.state, "tangent": C}.items():
+    for what, value in {"stress": found.stress, "state": found.state, "tangent": found.tangent}.items():
         if not np.isfinite(value).all():
             return f"gives a {what} that is not a number {where}" if numbers else ""
         if what == "stress" and not law.hyperelastic and not _same(value, value.T):
             return f"gives a stress that is not symmetric {where}"
-    if law.symmetric and not _same(C, C.T):
+    if law.symmetric and not _same(found.tangent, found.tangent.T):
         return f"has a tangent that is not symmetric {where}: leave @asp.law(symmetric=True) out"
     return ""
 
@@ -243,8 +223,7 @@ def doubt_of_points(law: Law, strains: Floats, states: Floats, stresses: Floats,
     sizes = np.array([size_of(law, strain) for strain in strains])
     lost = np.flatnonzero(~np.isfinite(stresses).all(axis=1))
     for k in (*lost[np.argsort(sizes[lost])][:POINTS], *np.argsort(-sizes)[:POINTS]):
-        found = one_cell(law)(strains[k], states[k], others=others)
-        if wrong := doubt(law, strains[k], states[k], found, others=others):
+        if wrong := doubt(law, strains[k], one_cell(law)(strains[k], states[k], others)):
             name = show(law.source.rpartition("/")[2])
             return f"{KEY} = {name} {wrong}; the greatest strain of the step is {sizes.max():.2g}"
     return ""

@@ -1,4 +1,4 @@
-"""The deformable block: displacement space, internal force, history.
+"""The deformable block: displacement space, internal force, history; fields in the numbering of the mesh as built.
 
 Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for
 every case. Each residual writes a trial history; `commit` alone makes it the committed one.
@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Floats
+from asperity.arrays import Array, Floats, Indices
 from asperity.fem.forms import FormKernels
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
 from asperity.fem.tangent import Tangent
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
-from asperity.mesh.element import DEGREE
+from asperity.mesh.element import DEGREE, NODES
 from asperity.model.material import Material
 from asperity.runtime import compat
+from asperity.runtime.parallel import gather
 from asperity.runtime.usage import Phases
 
 
@@ -132,3 +133,49 @@ class Solid:
             self.kernels.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
+
+
+def node_numbers(solid: Solid) -> Indices:
+    """Number in the built mesh of each local displacement node, of one of them where nodes are joined (nodes,)."""
+    x_nodes = compat.geometry_dofmap(solid.mesh)
+    out = np.full(solid.nodes, -1, dtype=np.int64)
+    numbers = solid.mesh.geometry.input_global_indices
+    out[solid.V.dofmap.list.ravel()] = np.asarray(numbers)[x_nodes.ravel()]
+    return out
+
+
+def built_nodes(solid: Solid) -> tuple[Indices, Indices]:
+    """Numbers in the built mesh of all nodes of this rank's cells, and the displacement node of each (n,)."""
+    numbers = np.asarray(solid.mesh.geometry.input_global_indices)
+    node = np.empty(len(numbers), dtype=np.int64)
+    node[compat.geometry_dofmap(solid.mesh).ravel()] = solid.V.dofmap.list.ravel()
+    return numbers, node
+
+
+def gather_nodes(solid: Solid, values: Array) -> Array | None:
+    """Nodal values in the order of the mesh as built, on rank 0; collective; see `built_nodes`."""
+    numbers, at = built_nodes(solid)
+    found = gather(solid.comm, numbers, values[at])
+    return found and found[1]
+
+
+def gather_cells(solid: Solid, values: Array) -> Array | None:
+    """Values of the owned cells (cells, ...) in the order of the mesh as built, on rank 0; collective."""
+    found = gather(solid.comm, cell_numbers(solid), values)
+    return found and found[1]
+
+
+def cell_numbers(solid: Solid) -> Indices:
+    """Number in the built mesh of each owned cell (cells,)."""
+    return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
+
+
+def gather_mesh(solid: Solid) -> tuple[Array, Array] | None:
+    """Nodes (N, 3) [L] and elements (M, 10), in the order of gmsh, of the mesh as built; on rank 0; collective."""
+    numbers = np.asarray(solid.mesh.geometry.input_global_indices)
+    x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
+    points = gather(solid.comm, numbers, solid.mesh.geometry.x)
+    tets = np.empty(x_nodes.shape, dtype=np.int64)
+    tets[:, compat.gmsh_to_dolfinx(NODES)] = numbers[x_nodes]
+    cells = gather_cells(solid, tets)
+    return None if points is None or cells is None else (points[1], cells)

@@ -62,16 +62,20 @@ def j2(
     Simo & Hughes, Computational Inelasticity (1998), box 3.2.
     """
     hardening = (yield_strength, tangent_modulus, kinematic_share)
-    return _radial_return(strain, state, E, nu, *hardening, lambda excess, stiffness: excess / stiffness)
+    return _radial_return(strain, state, E, nu, hardening, lambda excess, stiffness: excess / stiffness)
 
 
 def _radial_return(
-    strain: Any, state: Any, E: float, nu: float, yield_strength: float, tangent_modulus: float,
-    kinematic_share: float, flow_of: Callable[[Any, Any], Any],
-) -> Any:  # fmt: skip
-    """Stress and state after the flow that follows from the excess over the yield stress and what it loses by flow."""
+    strain: Any, state: Any, E: float, nu: float, hardening: tuple[Any, Any, Any], flow_of: Callable[[Any, Any], Any]
+) -> Any:
+    """Stress and state after the flow that follows from the excess over the yield stress and what it loses by flow.
+
+    Args:
+        hardening: strength, tangent modulus and kinematic share as `j2` takes them
+    """
     import ufl
 
+    yield_strength, tangent_modulus, kinematic_share = hardening
     mu, H = E / (2.0 * (1.0 + nu)), E * tangent_modulus / (E - tangent_modulus)
     back = 2.0 / 3.0 * kinematic_share * H * state.plastic_strain
     trial = hooke(strain - state.plastic_strain, E, nu)
@@ -96,22 +100,16 @@ def voce(strain: Any, state: Any, E: float, nu: float, yield_strength: float, sa
     """
     import ufl
 
-    mu = E / (2.0 * (1.0 + nu))
-    trial = hooke(strain - state.plastic_strain, E, nu)
-    s = ufl.dev(trial)
-    now = yield_strength + saturation * (1.0 - ufl.exp(-rate * state.accumulated))
-    yields = ufl.gt(1.5 * ufl.inner(s, s), ufl.max_value(now, 0.0) ** 2)
-    q = ufl.sqrt(ufl.conditional(yields, 1.5 * ufl.inner(s, s), now**2))
-    flow = 0.0
-    for _ in range(NEWTON):
-        rest = saturation * ufl.exp(-rate * (state.accumulated + flow))
-        flow = flow + (q - 3.0 * mu * flow - yield_strength - saturation + rest) / (3.0 * mu + rate * rest)
-    flow = ufl.conditional(yields, flow, 0.0)
-    n = 1.5 * s / q
-    return trial - 2.0 * mu * flow * n, {
-        "plastic_strain": state.plastic_strain + flow * n,
-        "accumulated": state.accumulated + flow,
-    }
+    before = saturation * ufl.exp(-rate * state.accumulated)
+
+    def flow_of(excess: Any, stiffness: Any) -> Any:
+        flow = 0.0
+        for _ in range(NEWTON):
+            left = before * ufl.exp(-rate * flow)
+            flow = flow + (excess - stiffness * flow - before + left) / (stiffness + rate * left)
+        return flow
+
+    return _radial_return(strain, state, E, nu, (yield_strength + saturation - before, 0.0, 0.0), flow_of)
 
 
 @law(**PLASTIC, time=True, strength=linear_strength)
@@ -145,7 +143,7 @@ def perzyna(
             y = y - 2.0 * wrong / (2.0 * slope - wrong * (exponent - 1.0) / y * (1.0 - 1.0 / slope))
         return over * (1.0 - y) / stiffness
 
-    return _radial_return(strain, state, E, nu, yield_strength, tangent_modulus, kinematic_share, flow)
+    return _radial_return(strain, state, E, nu, (yield_strength, tangent_modulus, kinematic_share), flow)
 
 
 def _at_once(strain: Any, state: Any, E: float, nu: float, share: float) -> Any:

@@ -11,8 +11,7 @@ import numpy as np
 from asperity.arrays import Array, Floats
 from asperity.contact.contact_surface import gather_at_top, gather_top
 from asperity.errors import InputError
-from asperity.fem.global_numbering import built_nodes, gather_cells, gather_mesh, gather_nodes
-from asperity.fem.solid import Solid
+from asperity.fem.solid import Solid, built_nodes, gather_cells, gather_mesh, gather_nodes
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot

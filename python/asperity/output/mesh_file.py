@@ -72,7 +72,7 @@ def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surfac
         problem = case.problem()
         delta = case.loading.delta_max or (surface.light_approach() if surface.rough else 1e-3 * surface.L)
         size = replace(case.mesh.size, h_contact=case.mesh.size.h_contact if h is None else h)
-        block = make_block(MPI.COMM_SELF, surface, problem.height, delta, size, problem.sides, problem.composite)
+        block = make_block(MPI.COMM_SELF, replace(problem, size=size), delta)
     assert block is not None
     return block, surface
 

@@ -17,7 +17,6 @@ solid that was at rest returns no more than was put in: the work of the flat fro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, field
 from math import isfinite
 from typing import Any
@@ -30,7 +29,7 @@ MIDPOINT_ENERGY = 0.05  # of the work done so far, where the path is integrated 
 ROUNDING = 1e-12  # of sums over the nodes, relative to the force; of strains
 
 # of the figures with a unit; the others are ratios
-ENERGIES = ("least_dissipation", "work", "stored", "dissipated", "relaxed", "peak")
+ENERGIES = ("least_dissipation", "work", "stored", "dissipated", "relaxed", "peak", "work_at_peak")
 UNITS = {"penetration": "length", "greatest_force": "force", **dict.fromkeys(ENERGIES, "force*length")}
 
 
@@ -50,32 +49,23 @@ class Checks:
     stored: float = 0.0  # energy of elastic strain and back stress
     dissipated: float = 0.0  # by plastic flow, the next one included
     relaxed: float = 0.0  # by the relaxation of volumetric strain within cells
-    peak: tuple[float, float] = (0.0, 0.0)  # greatest energy stored and dissipated, and the work done until then
+    peak: float = 0.0  # greatest energy stored and dissipated
+    work_at_peak: float = 0.0  # done until then; where energies are not known, the greatest work
     not_balanced: str = ""  # why energies of steps were not checked, empty where they were
     energy_excess: float = 0.0  # greatest violation of the energy bounds of a step, over the energy so far
     violated: dict[str, str] = field(default_factory=dict)  # sentences, the first of each kind
-
-    @staticmethod
-    def from_dict(values: Mapping[str, Any]) -> Checks:
-        """Inverse of `dataclasses.asdict`, also for values read from JSON."""
-        energy, work = values["peak"]
-        return Checks(**{**values, "peak": (energy, work)})
 
     def physical(self, L: float, E: float) -> dict[str, Any]:
         """Section "checks" of summary.json: the figures in the units of a case with this side and modulus."""
         scales = {"length": L, "force": E * L**2, "force*length": E * L**3}
         ratio = None if self.not_balanced else self.energy_ratio
         out = asdict(self) | {"energy_ratio": ratio, "units": dict(UNITS)}
-        for name, unit in UNITS.items():
-            value = out[name]
-            out[name] = [x * scales[unit] for x in value] if isinstance(value, tuple) else value * scales[unit]
-        return out
+        return out | {name: out[name] * scales[unit] for name, unit in UNITS.items()}
 
     @property
     def energy_ratio(self) -> float:
         """Work of the flat over stored and dissipated energy where that is greatest; 1 in the limit of small steps."""
-        energy, work = self.peak
-        return work / energy if energy > 0.0 else 1.0
+        return self.work_at_peak / self.peak if self.peak > 0.0 else 1.0
 
 
 @dataclass(frozen=True)
@@ -167,8 +157,8 @@ def audit(
     checks.not_balanced = "the law does not say its energy: of the energies, only the work of the flat was checked"
     move = step.delta - step.delta_before
     checks.work += max(step.force_before * move, step.force * move)
-    checks.peak = max(checks.peak, (0.0, checks.work))
-    judge("energy", checks.work >= -EXACT * checks.peak[1], "the solid returned more work than was put in")
+    checks.work_at_peak = max(checks.work_at_peak, checks.work)
+    judge("energy", checks.work >= -EXACT * checks.work_at_peak, "the solid returned more work than was put in")
 
 
 def _judge_energy(checks: Checks, step: StepBalance, judge: Any, rtol: float, compliant: bool, exact: bool) -> None:
@@ -191,7 +181,7 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Any, rtol: float, co
     beyond = max(low - gained, gained - high)
     checks.work += 0.5 * (step.force_before + step.force) * move
     checks.stored, checks.dissipated = step.stored, dissipated
-    checks.peak = max(checks.peak, (step.stored + dissipated, checks.work))
+    checks.peak, checks.work_at_peak = max((checks.peak, checks.work_at_peak), (step.stored + dissipated, checks.work))
     if scale > 0.0:
         checks.energy_excess = max(checks.energy_excess, beyond / scale)
     slack = max(EXACT, rtol) if exact else MIDPOINT_ENERGY

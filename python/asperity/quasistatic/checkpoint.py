@@ -20,13 +20,13 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.case.case_file import refuse_another
 from asperity.errors import CheckpointError
-from asperity.fem.global_numbering import built_nodes, cell_numbers, node_numbers
 from asperity.fem.history import History
+from asperity.fem.solid import built_nodes, cell_numbers, node_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
-from asperity.quasistatic.measures import Snapshot
-from asperity.quasistatic.stepping import Position, Record
+from asperity.quasistatic.legs import Position
+from asperity.quasistatic.measures import Record, Snapshot
 from asperity.runtime.files import UNREADABLE, read_npz, remove_asides, write_npz
 from asperity.runtime.parallel import gather, hand_out, on_root, on_root_bcast, on_root_of
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
@@ -255,7 +255,7 @@ class Saved:
         if solver.contact.held is not None:
             solver.contact.held = read_rows(comm, self.arrays, HELD, top, np.nan)
         numbers = dict(self.meta["solver"])
-        numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
+        numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks(**numbers["checks"])}
         numbers |= {name: read_rows(comm, self.arrays, name, owned) for name in DISPLACEMENTS}
         solver.restore(SolverState(**numbers))
         record.rows[:] = self.meta["rows"]
@@ -271,7 +271,7 @@ class Saved:
             totals = getattr(solid.phases, kind)
             for name, value in self.meta[kind].items():
                 totals[name] = totals.get(name, 0) + value
-        return Position.from_dict(self.meta["position"])
+        return Position(**self.meta["position"])
 
 
 def solver_fields(solver: ContactSolver) -> Iterator[Field]:

@@ -15,7 +15,6 @@ from mpi4py import MPI
 from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.thin_film import ThinFilm
 from asperity.fem.energies import dissipation, energies, equivalent_strain
 from asperity.fem.history import History, extrapolate
 from asperity.fem.solid import Solid
@@ -72,10 +71,9 @@ class ContactSolver:
         nodal_force: normal force of the flat on the owned nodes (owned,) [E L^2]
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
-        probes: measure what depends on the tangent of a step: called with the solver before its history is committed,
-            collective, they return values by the name of a column, of their `columns`, in units of L and E
+        probes: measure what is wanted beside the usual columns, called with the solver before the history of a step
+            is committed; collective, they return values by the name of a column, of their `columns`, in units of L, E
         probed: what they found in the last accepted step
-        film: finds the leakage after each accepted step, None where it is not wanted
         doubt: what is wrong with a law of the user, or with elements, in the last step without convergence, empty for
             nothing
     """
@@ -97,14 +95,12 @@ class ContactSolver:
         self._first_touch = self._highest()
         self.probes: tuple[Any, ...] = ()
         self.probed: dict[str, float] = {}
-        self.film: ThinFilm | None = None
         self.doubt = ""
 
     @property
     def columns(self) -> set[str]:
-        """Names of the columns that probes and film fill."""
-        every = (*self.probes, *([] if self.film is None else [self.film]))
-        return {name for one in every for name in one.columns}
+        """Names of the columns that the probes fill."""
+        return {name for probe in self.probes for name in probe.columns}
 
     @property
     def newton(self) -> NewtonSolver:
@@ -135,15 +131,15 @@ class ContactSolver:
 
         It begins with the displacement `start` (owned, 3) [L], by default one predicted from the last two steps.
         """
-        first, ratio = self._u if start is None else start, 1.0
-        if start is None and self._previous is not None:
+        predicted, ratio = self._u, 1.0
+        if self._previous is not None:
             before, u = self._previous
             if (delta - self.delta) * (self.delta - before) > 0.0:
                 ratio = (delta - self.delta) / (self.delta - before)
-                first = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
+                predicted = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
-        self.contact.expect(self.summit - self.delta, self._u, first, ratio)
-        return self._solve(f"delta/L = {delta:.6g}", first, abs(delta - self.delta))
+        self.contact.expect(self.summit - self.delta, self._u, predicted, ratio)
+        return self._solve(f"delta/L = {delta:.6g}", predicted if start is None else start, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
         try:
@@ -193,7 +189,7 @@ class ContactSolver:
 
     def solved_force(self) -> float:
         """Force on the flat at the last solve [E L^2]; collective."""
-        return float(self.solid.comm.allreduce(self.contact.nodal_force(self.newton.force).sum()))
+        return float(self.solid.comm.allreduce(self.contact.nodal_force(self.newton.now.force).sum()))
 
     def roll_back(self) -> None:
         """Restore the displacement of the last accepted step."""
@@ -212,15 +208,15 @@ class ContactSolver:
         solid, contact = self.solid, self.contact
         with solid.phases.phase("checks"):
             history = solid.kernels.history().copy()
-        self.probed = {}
+        before = SimpleNamespace(delta=self.delta, force=self.force, u=self._u, internal=self._internal)
+        self.delta, self.probed = delta, {}
         for probe in self.probes:  # while the tangent of the solve is valid
             self.probed |= probe(self)
-        before = SimpleNamespace(delta=self.delta, force=self.force, u=self._u, internal=self._internal)
         solid.kernels.commit()
         contact.commit()
-        self._previous = (self.delta, self._u)
+        self._previous = (before.delta, self._u)
         self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
-        self.delta, self._internal, self._own = delta, self.newton.force, None
+        self._internal, self._own = self.newton.now.force, None
         self._find_forces()
         balanced = "energy" not in self.checks.violated
         with solid.phases.phase("checks"):
@@ -245,7 +241,7 @@ class ContactSolver:
 
     def _balance(self, before: SimpleNamespace, history: History) -> StepBalance:
         """Numbers of the step just accepted, from a state and the history committed there; collective."""
-        solid, internal, contact = self.solid, self.newton.force, self.contact
+        solid, internal, contact = self.solid, self.newton.now.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
         needed = solid.kernels.history().rows and solid.material.law is None
@@ -269,7 +265,7 @@ class ContactSolver:
     def _find_forces(self) -> None:
         """Force and pressure of the current state; collective."""
         solid = self.solid
-        self.nodal_force = self.contact.nodal_force(self.newton.force)
+        self.nodal_force = self.contact.nodal_force(self.newton.now.force)
         self.force = float(solid.comm.allreduce(self.nodal_force.sum()))
         owned = np.zeros(3 * solid.owned)
         owned[::3] = self.nodal_force

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,10 @@ from mpi4py import MPI
 
 from asperity.arrays import Floats
 from asperity.contact.contact_surface import spots_of
+from asperity.curve import DIMENSIONS, Curve
 from asperity.fem.energies import equivalent_strain
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.newton import StepStats
 
 STRAINED = 0.05  # equivalent strain above which the volume is counted
 
@@ -68,10 +70,49 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         "spots": count,
         "largest_spot": largest,
         **solver.probed,
-        **({} if solver.film is None else solver.film(gap, edges)),
         "max_strain": float(peaks[2]),
         "strained_fraction": float(sums[2] / sums[1]),
     }
+
+
+@dataclass
+class Record:
+    """Rows of the curve in physical units, and requested snapshots."""
+
+    side: float  # L [length]
+    E: float  # unit of stress [force/length^2]
+    reduced_modulus: float  # E' [force/length^2]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    snapshots: list[Snapshot] = field(default_factory=list)
+
+    def add(
+        self, solver: ContactSolver, branch: str, stats: StepStats, seconds: float, time: float | None = None
+    ) -> None:
+        """Append the state of `solver` as a row, at a time of the path where it takes any [s]; collective."""
+        state = row(solver)
+        force = solver.force * self.E * self.side**2
+        units = {
+            "": 1.0, "length": self.side, "length^2": self.side**2, "length^3": self.side**3,
+            "force/length": self.E * self.side, "force/length^2": self.E,
+        }  # fmt: skip
+        columns = {
+            "step": len(self.rows) + 1,
+            "branch": branch,
+            "delta": solver.delta * self.side,
+            "delta_star": solver.delta,
+            "force": force,
+            "P_star": force / (self.side**2 * self.reduced_modulus),
+            **{name: value * units[DIMENSIONS[name]] for name, value in state.items()},
+            "newton": stats.newton,
+            "krylov": stats.krylov,
+            "seconds": seconds,
+            **({} if time is None else {"time": time}),
+        }
+        self.rows.append(columns)
+
+    def curve(self) -> Curve:
+        """The rows so far."""
+        return Curve.from_rows(self.rows)
 
 
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:

@@ -138,16 +138,6 @@ class NewtonSolver:
         self._tells = database.hasName("snes_linesearch_monitor")
         self.snes = snes
 
-    @property
-    def force(self) -> Floats:
-        """Internal force at the last displacement (owned, 3) [E L^2]."""
-        return self.now.force
-
-    @property
-    def rows(self) -> Integers:
-        """Owned dofs that the contact prescribed there."""
-        return self.now.rows
-
     def evaluate(self, x: Floats) -> Equations:
         """Find the equations at owned dof values (3 owned,) [L], prescribed ones included; collective."""
         solid = self.solid

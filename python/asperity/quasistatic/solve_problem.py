@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
-from asperity.contact.thin_film import ThinFilm
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.forms import FormKernels
-from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.resolution import judge_mesh
 from asperity.model.load_path import Schedule
@@ -20,9 +18,12 @@ from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_block, solver_of
-from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.legs import Position
+from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.measures import Record
+from asperity.quasistatic.stepping import Callback, follow
 from asperity.quasistatic.stiffness import Stiffness
+from asperity.quasistatic.thin_film import ThinFilm
 from asperity.runtime.parallel import on_root
 from asperity.runtime.usage import Phases, peak
 
@@ -74,10 +75,6 @@ class Callbacks:
     flow: bool = False
     on_curve: Callable[[Curve], None] | None = None
 
-    def probes(self, solid: Solid) -> tuple[Any, ...]:
-        """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
-        return (Stiffness(solid),) if self.stiffness else ()
-
     def stage(self, name: str) -> None:
         """Announce a stage."""
         if self.on_stage is not None:
@@ -120,16 +117,15 @@ def solve_problem(
     if own_mesh:
         with phases.phase("mesh"):
             if not given:
-                block = make_block(
-                    comm, problem.surface, problem.height, delta_max, problem.size, problem.sides, problem.composite
-                )
+                block = make_block(comm, problem, delta_max)
             on_root(comm, partial(judge, problem, block, delta_max))
     hooks.stage("set-up")
     with phases.phase("set-up"):
-        solver = solver_of(problem, block, comm, phases)
-        solver.probes = hooks.probes(solver.solid)
+        solver = make_contact_solver(comm, problem, block, phases)
+        if hooks.stiffness:
+            solver.probes += (Stiffness(solver.solid),)
         if hooks.flow:
-            solver.film = ThinFilm(solver.contact_surface, problem.composite, solver.summit)
+            solver.probes += (ThinFilm(solver.contact_surface, problem.composite, solver.summit),)
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
         hooks.stage("compilation of the forms")
@@ -211,10 +207,9 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
 
     A force that is not reached soon, or not at all, gives the approach so far: the run itself reports it.
     """
-    surface, met, L = problem.surface, problem.composite, problem.surface.L
-    depth = met.maximum()[2] - met.mean()
-    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L), problem.sides, met)
-    solver = solver_of(problem, block, comm)
+    L, depth = problem.surface.L, problem.composite.maximum()[2] - problem.composite.mean()
+    block = make_block(comm, replace(problem, size=MeshSize(0.1 * L)), max(depth, 0.01 * L))
+    solver = make_contact_solver(comm, problem, block)
 
     def give_up(at: Position) -> None:
         if solver.counts.steps >= ESTIMATE_STEPS:

@@ -60,7 +60,7 @@ class Stiffness:
         nodes, material = contact.nodes(), solid.material
         if not solid.comm.allreduce(len(nodes)):
             return dict.fromkeys(self.columns, 0.0)
-        held = solver.newton.rows
+        held = solver.newton.now.rows
         solid.tangent.assemble_elastic(contact.add_elastic_tangent if contact.has_tangent else None)
         rows = np.concatenate([solid.fixed, held])
         normal, w = _moved(solver, 2, rows, held, contact.has_tangent)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, here
+from conftest import ELASTIC, here, make_block, make_contact_solver
 
 import asperity as asp
 from asperity.arrays import Floats
-from asperity.contact.thin_film import ThinFilm, transmissivity
 from asperity.model.settings import MeshSize
 from asperity.output.fields import gather_top_states
 from asperity.output.results import Raster
-from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import Callbacks, solve_problem
+from asperity.quasistatic.thin_film import ThinFilm, transmissivity
 from asperity.surface import Flat, HeightMap, Surface
 
 NODES = 129
@@ -26,7 +25,7 @@ def flow(surface: Surface, gap: float, h: float, sides: str = "rollers") -> Floa
     solver.contact.begin(np.inf)
     solver.contact.residual(solver.solid.internal_force())
     solver.delta = -gap
-    found = ThinFilm(solver.contact_surface, surface, solver.summit)(solver.gap(), solver.contact.touched_edges())
+    found = ThinFilm(solver.contact_surface, surface, solver.summit)(solver)
     assert found["hydraulic_aperture"] ** 3 == pytest.approx(np.mean([*found.values()][:2]))
     return np.array([found["transmissivity_x"], found["transmissivity_y"]])
 

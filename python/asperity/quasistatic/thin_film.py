@@ -1,4 +1,6 @@
-"""Leakage: flow of a thin film through the gap below the flat, by Reynolds' equation div(g^3 grad p) = 0 on the top.
+"""Leakage, a probe of accepted steps: the flow of a thin film through the gap below the flat.
+
+Reynolds' equation div(g^3 grad p) = 0 holds on the top.
 
 The third of a facet at an edge is closed where the edge touches, as in the area of contact: a map of the contact
 and the flow agree on which channels are open. The unknowns are the pressures on the edges of triangles (elements of
@@ -23,6 +25,7 @@ from asperity.reference.leakage import INLET, OUTLET, network_flow
 from asperity.runtime.parallel import gather, on_root_bcast
 
 if TYPE_CHECKING:
+    from asperity.quasistatic.contact_solver import ContactSolver
     from asperity.surface import Surface
 
 TRIANGLES, FINEST = 40_000, 8  # wanted on the top, and most along the edge of a facet
@@ -51,18 +54,20 @@ class ThinFilm:
         self._top, L = top, surface.L
         facets = top.solid.comm.allreduce(len(top.cells))
         self._parts = parts = Division(int(np.clip((TRIANGLES / facets) ** 0.5, 1, FINEST)))
-        at = top.solid.positions(top.nodes)
-        x, y = (parts.at_points(at[..., axis]) for axis in (0, 1))
+        places = top.solid.positions(top.nodes)[..., :2]
+        x, y = (parts.at_points(places[..., axis]) for axis in (0, 1))
         heights = np.asarray(surface.height(L * np.mod(x, 1.0), L * np.mod(y, 1.0))) - surface.maximum()[2]
         self._left_out = parts.at_points(top.heights[top.nodes]) - (summit + heights / L)
-        numbers = top.solid.V.dofmap.index_map.local_to_global(top.nodes.ravel()).reshape(top.nodes.shape)
-        sides = [_sides(at, axis) for axis in (0, 1)]
-        found = gather(top.solid.comm, facet_numbers(top), np.column_stack([numbers, *sides, _cotangents(at[:, :3])]))
+        found = gather(top.solid.comm, facet_numbers(top), places[:, :3])
         if found is not None:
-            numbers, on_x, on_y, self._links = np.split(found[1], (6, 9, 12), axis=1)
-            self._edges = [parts.edges(numbers.astype(np.int64), on.astype(np.int64)) for on in (on_x, on_y)]
+            self._links = _cotangents(found[1])
+            self._edges = [parts.edges(found[1], axis, top.solid.sides == "periodic") for axis in (0, 1)]
 
-    def __call__(self, gap: Floats, touched: Flags) -> dict[str, float]:
+    def __call__(self, solver: ContactSolver) -> dict[str, float]:
+        """Columns at the last solve, see `through`."""
+        return self.through(solver.gap(), solver.contact.touched_edges())
+
+    def through(self, gap: Floats, touched: Flags) -> dict[str, float]:
         """Transmissivities along x and y [L^3], 0 where no channel is open, and the cube root of their mean [L].
 
         Args:
@@ -110,11 +115,15 @@ class Division:
         shape = element.face_functions(at.reshape(-1, 3))[:, np.argsort(IN_ORDER)]
         return shape.reshape(*at.shape[:2], 6), weights / weights.sum(), at.argmin(axis=2)
 
+    @property
+    def _twice(self) -> Indices:
+        """Barycentric coordinates of the middles of the edges opposite to the corners, times 2 n (n^2, edges, 3)."""
+        return self._corners.sum(axis=1, keepdims=True) - self._corners
+
     @cached_property
     def _thirds(self) -> Flags:
         """Thirds of the facet that the middle of each edge lies in, also on their boundary (n^2, edges, 3)."""
-        twice = np.roll(self._corners, -1, axis=1) + np.roll(self._corners, -2, axis=1)
-        return np.asarray(twice == twice.min(axis=2, keepdims=True))
+        return np.asarray(self._twice == self._twice.min(axis=2, keepdims=True))
 
     def at_points(self, values: Floats) -> Floats:
         """Values at the quadrature points (F, n^2, Q) from those at the nodes of the facets (F, 6)."""
@@ -131,26 +140,23 @@ class Division:
         """Edges of the triangles (F n^2, 3) that lie in a closed third, by the touched edges of the facets (F, 3)."""
         return np.asarray((touched[:, None, None] & self._thirds).any(axis=3)).reshape(-1, 3)
 
-    def edges(self, nodes: Indices, sides: Indices) -> Indices:
-        """Number of each edge of the triangles (F n^2, 3), the same from both sides; INLET and OUTLET at the sides.
+    def edges(self, corners: Floats, axis: int, periodic: bool) -> Indices:
+        """Number of each edge of the triangles (F n^2, 3), the same from both sides; INLET and OUTLET across an axis.
 
         Args:
-            nodes: numbers of the corners and of the edges opposite to them (F, 6)
-            sides: INLET or OUTLET where an edge is there, else 0 (F, 3)
+            corners: of the facets, seen from above (F, 3, 2) [L]
+            periodic: whether the other sides are joined
         """
-        n, facets = self.n, np.arange(len(nodes))[:, None, None]
-        ends = np.stack([np.roll(self._corners, -1, axis=1), np.roll(self._corners, -2, axis=1)])
-        _, inner = np.unique(ends.sum(axis=0).reshape(-1, 3), axis=0, return_inverse=True)
-        numbers = (nodes[:, 3:].max() + 1) * n + facets * 3 * n**2 + inner.reshape(1, -1, 3)
-        for k in range(3):
-            from_, to = (k + 1) % 3, (k + 2) % 3
-            triangle, edge = np.nonzero((ends[..., k] == 0).all(axis=0))
-            place = ends[:, triangle, edge, to].min(axis=0)
-            backwards = nodes[:, from_] > nodes[:, to]
-            place = np.where(backwards[:, None], n - 1 - place, place)
-            of_side = np.broadcast_to(sides[:, k, None], place.shape)
-            numbers[:, triangle, edge] = np.where(of_side < 0, of_side, nodes[:, 3 + k, None] * n + place)
-        return numbers.reshape(-1, 3)
+        from scipy.spatial import KDTree
+
+        middles = np.einsum("sek,fkd->fsed", self._twice / (2.0 * self.n), corners)
+        places, numbers = middles.reshape(-1, 2), np.arange(middles.size // 2)
+        same = KDTree(places - np.floor(places + NEAR) * periodic).query_pairs(NEAR, output_type="ndarray")
+        numbers[same[:, 1]] = same[:, 0]
+        place, numbers = middles[..., axis], numbers.reshape(middles.shape[:-1])
+        inwards = corners[..., axis].mean(axis=1)[:, None, None] > place
+        on_side = np.abs(place - np.round(place)) < NEAR
+        return np.where(on_side, np.where(inwards, INLET, OUTLET), numbers).reshape(-1, 3)
 
 
 def transmissivity(edges: Indices, conductance: Floats, closed: Flags) -> float:
@@ -174,16 +180,8 @@ def transmissivity(edges: Indices, conductance: Floats, closed: Flags) -> float:
     return float(flow[first.ravel() == INLET].sum() - flow[second.ravel() == INLET].sum())
 
 
-def _sides(at: Floats, axis: int) -> Integers:
-    """INLET or OUTLET for edges on the sides across an axis, else 0 (F, 3), of nodes of facets at places (F, 6, 3)."""
-    place = at[:, element.BEARING, axis]
-    on_side = np.abs(place - np.round(place)) < NEAR
-    inwards = at[:, :3, axis].mean(axis=1, keepdims=True) > place
-    return np.where(on_side, np.where(inwards, INLET, OUTLET), 0)
-
-
 def _cotangents(corners: Floats) -> Floats:
-    """Twice the cotangent of the angle at each corner of triangles (F, 3, 3), seen from above: (F, 3)."""
+    """Twice the cotangent of the angle at each corner of triangles (F, 3, 2), seen from above: (F, 3)."""
     a, b = (np.roll(corners, -k, axis=1) - corners for k in (1, 2))
     cross = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
     return np.asarray(2.0 * (a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) / cross)
