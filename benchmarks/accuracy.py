@@ -1,6 +1,6 @@
 """Error bars on classes of elastic surfaces: are the errors inside, how much larger are the bars, what does a run cost?
 
-    python3 benchmarks/accuracy.py [CLASS or patch.npz of import-map]... [--seed N] [--tolerance X]
+    python3 benchmarks/accuracy.py [CLASS]... [--seed N] [--tolerance X]
 
 Every surface is pressed to a tolerance in six steps. The truth is the boundary-element solution of the layer on two
 grids, extrapolated; it knows no slopes, and heights and approach are a tenth of those of a real surface. An error may
@@ -245,17 +245,9 @@ def truth_of(surface: Surface, at: Floats) -> dict[str, tuple[Floats, Floats | f
     }
 
 
-def scan(path: str) -> tuple[Callable[[int], Surface], float]:
-    """A patch of a scan with an rms slope of 0.1, and the approach at which 5 % of its heights are above the flat."""
-    surface = asp.Surface.from_spec("file", path=path)
-    z = surface.grid(NODES) / surface.L
-    z *= 0.1 / np.sqrt(sum(np.mean(slope**2) for slope in np.gradient(z, 1.0 / (NODES - 1))))
-    return lambda seed: HeightMap.of(z, 1.0), float(z.max() - np.quantile(z, 0.95))
-
-
 def judge(name: str, seed: int, tolerances: list[float]) -> None:
     """Run one surface to some tolerances and print their lines."""
-    make, depth = CLASSES[name] if name in CLASSES else scan(name)
+    make, depth = CLASSES[name]
     surface, depth = flattened(make(seed)), FLAT * depth
     at = depth * np.arange(1, STEPS + 1) / STEPS
     truth = truth_of(surface, at)
