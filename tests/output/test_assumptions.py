@@ -159,18 +159,6 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
         assert verdict(bulk_yield(Evidence(result.curve, problem))) == (DOUBTFUL if part > 1 else FINE)
 
 
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-@pytest.mark.parametrize("yield_strength", [None, 0.01])
-def test_the_strain_of_a_plane_block(kinematics: str, yield_strength: float | None) -> None:
-    """Uniaxial strain e, or ln(1 - e): the equivalent strain is two thirds of it, plastic or not."""
-    material = Material(1.0, 0.3, yield_strength, 0.0 if yield_strength is None else 0.2, kinematics=kinematics)
-    size = MeshSize(0.5, 1.0, 1.0)
-    found = solve_contact(Flat(L=1.0), material, delta_max=0.08, steps=2, size=size, comm=here()).curve
-    strain = found.delta_star if kinematics == "small" else -np.log1p(-found.delta_star)
-    assert found.max_strain == pytest.approx(2 / 3 * strain, rel=1e-6)
-    assert found.strained_fraction == pytest.approx((2 / 3 * strain > 0.05).astype(float))
-
-
 @pytest.mark.parametrize(
     ("sides", "height", "centre", "delta"),
     [

@@ -99,7 +99,6 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
             {"steps": 1, "integrator": "midpoint"},
         ),
         (ELASTIC, Formulation("penalty"), {"unload_steps": 2, "cycles": 2}),
-        (PLASTIC, Formulation(), {"delta_max": None, "force_max": 1e-3}),
         (
             PLASTIC,
             Formulation(),
@@ -113,7 +112,6 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
             },
         ),
         (PLASTIC, Formulation(friction=0.3), {"steps": 1, "integrator": "midpoint", "unload_steps": 1}),
-        (PLASTIC, Formulation(), {"steps": 1, "integrator": "midpoint", "unload_steps": 2}),
     ],
 )
 def test_a_run_in_pieces_gives_the_same_curve(

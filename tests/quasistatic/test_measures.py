@@ -19,7 +19,7 @@ from asperity.output.fields import gather_top_states
 from asperity.output.raster import Raster
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.measures import mean_stress, row
-from asperity.surface import Sinusoid, Surface
+from asperity.surface import Flat, Sinusoid, Surface
 
 NU = 0.3
 #: Nitsche's method has the points of the penalty method.
@@ -108,18 +108,19 @@ def test_the_plastic_fraction_is_one_of_volume(rough: Surface, coarse: Any) -> N
     assert found == pytest.approx(np.average(flows, weights=kernels.volumes)) != pytest.approx(flows.mean())
 
 
-@pytest.mark.parametrize("height", [0.5, 2.0])
-def test_strained_and_plastic_fractions_are_those_of_any_height(height: float) -> None:
-    """A flat block, uniformly compressed by 0.1: all of it is strained, by 2/3 of that, and all of it has yielded."""
-    from asperity.surface import Flat
-
-    for material in (ELASTIC, PLASTIC):
-        curve = solve_contact(
-            Flat(L=1.0), material, height=height, delta_max=0.1 * height, steps=2, size=MeshSize(0.5, h_max=0.5),
-            comm=here(),
-        ).curve  # fmt: skip
-        assert (curve.strained_fraction[0], curve.strained_fraction[-1]) == pytest.approx((0.0, 1.0))
-        assert curve.plastic_fraction[-1] == pytest.approx(1.0 if material.plastic else 0.0)
+@pytest.mark.parametrize(("kinematics", "height"), [("small", 0.5), ("small", 2.0), ("finite", 2.0)])
+@pytest.mark.parametrize("law", [(), (0.01, 0.2)], ids=["elastic", "plastic"])
+def test_strain_and_fractions_of_a_flat_block(kinematics: Any, height: float, law: tuple[float, ...]) -> None:
+    """Uniaxial strain e, or ln(1 - e): two thirds of it, plastic or not, in all of the block at once, of any height."""
+    found = solve_contact(
+        Flat(L=1.0), Material(1.0, NU, *law, kinematics=kinematics), height=height, delta_max=0.08 * height, steps=2,
+        size=MeshSize(0.5, h_max=0.5), comm=here(),
+    ).curve  # fmt: skip
+    strain = found.delta / height
+    expected = 2 / 3 * (strain if kinematics == "small" else -np.log1p(-strain))
+    np.testing.assert_allclose(found.max_strain, expected, rtol=1e-6)
+    np.testing.assert_allclose(found.strained_fraction, expected > 0.05)
+    assert found.strained_fraction[0] == 0.0 and found.plastic_fraction[-1] == pytest.approx(float(bool(law)))
 
 
 def test_the_strained_fraction_of_a_contact_is_that_of_its_volume() -> None:
