@@ -274,10 +274,10 @@ def test_resumed_with_more_dofs_the_meshes_are_those_of_a_fresh_run(tmp_path: Pa
             run(case, tmp_path / name, resume=resume)
         return [level["dofs"] for level in Results.read(tmp_path / name).summary["accuracy"]["levels"]]
 
-    few = attempt(10_000, "limited")
-    more = attempt(15_000, "limited", resume=True)
-    assert max(few) <= 10_000 < more[-1]
-    assert more == attempt(15_000, "fresh")
+    few = attempt(5_000, "limited")
+    more = attempt(8_000, "limited", resume=True)
+    assert max(few) <= 5_000 < more[-1]
+    assert more == attempt(8_000, "fresh")
 
 
 @pytest.mark.parametrize(("trouble", "older"), [("deep", True), ("another surface", False)])

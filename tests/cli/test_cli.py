@@ -20,7 +20,7 @@ from asperity.plot import CAPTIONS
 from asperity.runtime.progress import ProgressLine
 
 ROOT = Path(__file__).parents[2]
-DEMO = str(ROOT / "cases/single.toml")
+DEMO, TO_TOLERANCE = (str(ROOT / f"cases/{name}.toml") for name in ("single", "elastic"))
 Cli = Callable[..., tuple[int, str, str]]
 PLANE = """units = "other"
 surface = {kind = "flat", L = 1.0}
@@ -191,7 +191,7 @@ def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> No
     ("code", "later"),
     [
         ("asperity.cli", ("numpy", "matplotlib", "pydantic", "dolfinx", "mpi4py", "rich")),
-        (f"asperity, asperity.adaptive.estimate as e; e.estimate(asperity.Case.load({str(ROOT / 'cases/elastic.toml')!r}))",
+        (f"asperity as a, asperity.adaptive.estimate as e; e.estimate(a.Case.load({TO_TOLERANCE!r}))",
          ("gmsh", "dolfinx", "petsc4py")),
         # the vibration would take more time than everything else before the first stage of a run
         (f"asperity; asperity.run; asperity.Case.load({DEMO!r})",

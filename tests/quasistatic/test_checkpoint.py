@@ -173,6 +173,7 @@ def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("formulation", [Formulation("nitsche"), Formulation(friction=0.3)])
 def test_a_run_goes_on_on_another_number_of_ranks(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, formulation: Formulation
@@ -197,6 +198,7 @@ def test_a_run_goes_on_on_another_number_of_ranks(
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Path) -> None:
     """They have a number on each side, and another rank may know them by another one."""
     settings: dict[str, Any] = {"delta_max": 0.01, "steps": 1, "sides": "periodic", "size": MeshSize(0.2, h_max=0.2)}

@@ -48,7 +48,7 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
 
     rough = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.4, lambda_short=0.15, seed=3)
     result = solve_contact(
-        rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.04),
+        rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.06),
         comm=here(),
     )  # fmt: skip
     curve, fields = result.curve, gather_top_states(result, 1.0, 1.0)
