@@ -68,6 +68,7 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(cli: Cl
         (("check", DEMO, "--set", "surface.D=3.5"), "(2, 3)"),
         (("run",), "CASE.toml"),
         (("run", DEMO, "--resumee"), "--resume"),
+        *((("run", DEMO, "--ranks", number), "give auto, or a number from 1") for number in ("0", "two")),
         *(((command, DEMO, "-o", name), "the name is empty") for command in ("run", "check") for name in ("", " ")),
         (("import-map", DEMO, "-o", ""), "the name is empty"),
         (("dynamics", "-o", " "), "the name is empty"),
