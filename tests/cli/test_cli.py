@@ -142,10 +142,9 @@ def test_failures_have_their_exit_codes(
 @pytest.mark.parametrize(
     ("environment", "words", "code"),
     [
-        ({"HOME": None}, ("-v",), 0),
+        ({"HOME": None, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}, ("-v",), 0),
         ({"HOME": ""}, ("--ranks", "2"), 0),
         ({"PYTHONWARNINGS": "error"}, ("--set", "contact.penalty=20.0"), 0),  # which a run warns of
-        ({"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}, (), 0),
         ({}, ("--set", b"material.E=\xff1"), 2),
         ({}, ("-o", b"\xff"), 2),
     ],
@@ -171,8 +170,7 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
 @pytest.mark.parametrize(
     ("command", "code"),
     [
-        ("run case.toml | true", 0),  # the run goes on
-        ("run case.toml -v | true", 0),
+        ("run case.toml -v | true", 0),  # the run goes on
         ("run case.toml > /dev/full", 0),
         ("run case.toml >&- 2>&-", 0),
         ("check case.toml | true", 141),  # not 1, which compared curves have that differ

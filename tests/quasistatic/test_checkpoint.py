@@ -288,12 +288,6 @@ def test_a_damaged_or_foreign_checkpoint_is_refused_and_left_alone(
     assert files(saved) == before
 
 
-def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
-    other = Case.from_dict({**CASE, "material": {"E": 2.0, "nu": 0.3}})
-    with pytest.raises(CheckpointError, match=r"material\.E = 1 there, 2 here"):
-        Checkpoint(saved, identity(other), world()).found()
-
-
 @pytest.mark.parametrize(
     ("section", "change", "free"),
     [
