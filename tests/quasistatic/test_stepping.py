@@ -263,6 +263,9 @@ def test_the_loss_of_a_cycle_in_contact(cube: BlockMesh, hardening: str) -> None
         assert lost == pytest.approx(strength * flow + growth * flow * (accumulated[low] + accumulated[high]), rel=1e-6)
         if hardening == "kinematic":  # a steady loop, whose back stress ends where it began
             assert flow > 1e-3 and area == pytest.approx(lost, rel=0.02)
+    assert solver.release().converged  # to the strain without stress
+    left = confined_stress([*curve.delta, solver.delta], 1.0, NU, strength, tangent, material.kinematic_share)[0][-1]
+    assert left == pytest.approx(0.0, abs=1e-10)
 
 
 def test_a_leg_to_the_force_that_is_there_already(cube: BlockMesh) -> None:
