@@ -28,7 +28,7 @@ QUICK = [
 
 def test_a_surface_rough_down_to_the_pixel_takes_more_than_it_may(tmp_path: Path) -> None:
     """As a scan with noise: the estimate follows its waves, and says that the tolerance will not be met."""
-    noise = np.random.default_rng(0).normal(size=(160, 160))
+    noise = np.random.default_rng(0).normal(size=(128, 128))
     np.savez(tmp_path / "noise.npz", z=1e-3 * noise, L=1.0)
     case = {"units": "other", "surface": {"kind": "file", "path": str(tmp_path / "noise.npz")}}
     case |= {
