@@ -217,7 +217,7 @@ def test_cycles(press_of: Callable[..., ContactSolver], material: Material) -> N
     ends = curve.where(curve.force == 0.0)
     assert len(ends) == 3
     # reloading from the residual indentation meets the loading curve again: shakedown, except for a little flow
-    near = {"rtol": 0.02} if material.plastic else {"rtol": 1e-7, "atol": 1e-12}
+    near: dict[str, Any] = {"rtol": 0.02} if material.plastic else {"rtol": 1e-7, "atol": 1e-12}
     np.testing.assert_allclose(tops, tops[0], **near)
     np.testing.assert_allclose(ends.delta, ends.delta[0], **near)
     if not material.plastic:
