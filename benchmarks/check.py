@@ -1,7 +1,6 @@
 """What `asperity check` expects of a case, beside what its run takes: meshes, dofs, memory, CPU time.
 
     python3 benchmarks/check.py [NAME]...
-    python3 benchmarks/check.py ranks [NAME]...      memory of each rank, of 1, 2 and 4 (MiB), figures drawn
 
 Each case is estimated and run in a process of its own, on one rank. Prints a row a case: meshes, dofs of the last
 one, memory (MiB) and CPU seconds, as expected / as found, and the greatest of the last three ratios, either way; at
@@ -90,30 +89,10 @@ def one(name: str) -> list[list[float]]:
     return [expected, [meshes, summary["dofs"], memory, seconds]]
 
 
-def ranks(names: list[str]) -> None:
-    """Print the memory of each rank of runs with figures, expected / found, and the greatest ratio, either way."""
-    for name in names or ("fractal, yielding, unloaded", "map of 256", "fractal to 5 %"):
-        for count in (1, 2, 4):
-            with tempfile.TemporaryDirectory() as folder:
-                case, file, out = case_of(Path(folder), *CASES[name]), Path(folder) / "case.toml", Path(folder) / "out"
-                file.write_text(case.to_toml())
-                start = [*"mpirun --oversubscribe --bind-to none -n".split(), str(count)] if count > 1 else []
-                expected = [share / 2**20 for share in estimate(case, count).of_ranks]
-                command = [*start, "asperity", "run", str(file), "-o", str(out), "--set", "output.figures=true", "-q"]
-                subprocess.run(command, check=False, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-                found = json.loads((out / "summary.json").read_text())["parallel"]["peak_memory_MiB"]
-            worst = max(max(a / b, b / a) for a, b in zip(expected, found, strict=True))
-            cells = " ".join(f"{a:.0f}/{b:.0f}" for a, b in zip(expected, found, strict=True))
-            print(f"{name:32s} {cells}  {worst:.2f}", flush=True)
-
-
 def main(names: list[str]) -> None:
     """Print the table of some cases, default all."""
     if names[:1] == ["--one"]:
         print(json.dumps(one(names[1])))
-        return
-    if names[:1] == ["ranks"]:
-        ranks(names[1:])
         return
     within = 0
     print("| case | meshes | dofs | MiB | CPU s | greatest ratio |\n|---|---|---|---|---|---|")

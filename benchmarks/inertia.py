@@ -18,9 +18,9 @@ the stiffness of the inertia added. Units: lengths in L, stresses in E, any unit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -28,7 +28,6 @@ from scipy.sparse import csr_array
 
 from asperity.arrays import Floats, Singles
 from asperity.errors import ConvergenceError
-from asperity.fem.energies import energies
 from asperity.fem.weak_form import Matrix, measure
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
@@ -46,26 +45,11 @@ from asperity.vibration import ContactOscillator, CurveLaw
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
 PLATE_ITERATIONS = 20  # of the secant method
-
-
-@dataclass(frozen=True)
-class GeneralisedAlpha:
-    """Time integration by the generalised-alpha method, by its spectral radius at infinite frequency.
-
-    Attributes:
-        rho_inf: in [0, 1], the factor a step by which motion is damped that it cannot resolve. With 1 the energy of a
-            linear solid is conserved, but the force of a node that meets the plate oscillates without end, because its
-            velocity jumps; with 0 the first modes of the block are damped too. The default is 0.8.
-    """
-
-    rho_inf: float = 0.8
-
-    @property
-    def constants(self) -> tuple[float, float, float, float]:
-        """alpha_m, alpha_f, beta and gamma (Chung & Hulbert 1993, equations 25, 17 and 20)."""
-        rho = self.rho_inf
-        m, f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-        return m, f, 0.25 * (1.0 - m + f) ** 2, 0.5 - m + f
+# Spectral radius at infinite frequency. With 1 the force of a node that meets the plate oscillates without end, because
+# its velocity jumps; with 0 the first modes of the block are damped too.
+RHO = 0.8
+ALPHA_M, ALPHA_F = (2.0 * RHO - 1.0) / (RHO + 1.0), RHO / (RHO + 1.0)  # Chung & Hulbert 1993, equations 25, 17 and 20
+BETA, GAMMA = 0.25 * (1.0 - ALPHA_M + ALPHA_F) ** 2, 0.5 - ALPHA_M + ALPHA_F
 
 
 @dataclass(frozen=True)
@@ -77,42 +61,26 @@ class Motion:
     w: Any
     a: Any
 
-    def anchor(self, scheme: GeneralisedAlpha, h: float) -> tuple[Any, float]:
+    def anchor(self, h: float) -> tuple[Any, float]:
         """(x*, c) with which the acceleration after a step h is c (x' - x*)."""
-        m, f, beta, _ = scheme.constants
-        c = (1.0 - m) / ((1.0 - f) * beta * h * h)
-        predicted = self.x + h * self.v + h * h * (0.5 - beta) * self.a
-        return predicted - (m * self.a - f * self.w) / ((1.0 - f) * c), c
+        c = (1.0 - ALPHA_M) / ((1.0 - ALPHA_F) * BETA * h * h)
+        predicted = self.x + h * self.v + h * h * (0.5 - BETA) * self.a
+        return predicted - (ALPHA_M * self.a - ALPHA_F * self.w) / ((1.0 - ALPHA_F) * c), c
 
-    def at(self, x: Any, scheme: GeneralisedAlpha, h: float) -> Motion:
+    def at(self, x: Any, h: float) -> Motion:
         """Motion after a step h to the position `x`."""
-        _, _, beta, gamma = scheme.constants
-        anchor, c = self.anchor(scheme, h)
-        a = (x - self.x - h * self.v) / (beta * h * h) - (0.5 / beta - 1.0) * self.a
-        return Motion(x, self.v + h * ((1.0 - gamma) * self.a + gamma * a), c * (x - anchor), a)
+        anchor, c = self.anchor(h)
+        a = (x - self.x - h * self.v) / (BETA * h * h) - (0.5 / BETA - 1.0) * self.a
+        return Motion(x, self.v + h * ((1.0 - GAMMA) * self.a + GAMMA * a), c * (x - anchor), a)
 
 
-@dataclass(frozen=True)
-class TimeSeries:
-    """Record of a run, a row per step and one for the start (n,); the same on all ranks.
+class TimeSeries(NamedTuple):
+    """Record of a run, a row per step and one for the start (n,)."""
 
-    Attributes:
-        time: [T]
-        approach: of the plate from first touch [L]
-        velocity: of the plate [L/T]
-        force: of contact [E L^2]
-        energy: kinetic of plate and block, stored and dissipated in the block [E L^3]
-        supplied: work of load, forcing and dashpot on the plate since the start, in `energy` at the start [E L^3]
-        newton: number of Newton iterations
-    """
-
-    time: Floats
-    approach: Floats
-    velocity: Floats
-    force: Floats
-    energy: Floats
-    supplied: Floats
-    newton: int
+    time: Floats  # [T]
+    approach: Floats  # of the plate from first touch [L]
+    velocity: Floats  # of the plate [L/T]
+    force: Floats  # of contact [E L^2]
 
 
 class Inertia:
@@ -156,9 +124,9 @@ class Inertia:
 
 
 class Transient:
-    """Plate with a mass, a constant load and a dashpot to ground, on a block with inertia; collective.
+    """Plate with a mass, a constant load and a dashpot to ground, on a block with inertia.
 
-        m q'' + c q' + P = W + F(t)
+        m q'' + c q' + P = W
 
     The motion starts in the state of the contact solver, whose solid has inertia from then on. Each step solves the
     block for positions of the plate until the equation of the plate holds, by the secant method, in few iterations: the
@@ -170,7 +138,6 @@ class Transient:
         mass: of the plate [E L T^2]
         load: W [E L^2]; 0 for a free impact
         dashpot: c [E L T]
-        scheme: of integration
 
     Attributes:
         added_mass: of the block, adds to the mass of the plate as long as the block follows quasi-statically:
@@ -178,17 +145,9 @@ class Transient:
     """
 
     def __init__(
-        self,
-        solver: ContactSolver,
-        *,
-        density: float,
-        mass: float,
-        load: float,
-        dashpot: float = 0.0,
-        scheme: GeneralisedAlpha | None = None,
+        self, solver: ContactSolver, *, density: float, mass: float, load: float, dashpot: float = 0.0
     ) -> None:
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
-        self.scheme = scheme or GeneralisedAlpha()
         self.inertia = Inertia(solver.solid, density)
         self.time = 0.0
         self._force = self._before = solver.force
@@ -196,7 +155,7 @@ class Transient:
         self.start()
 
     def start(self, velocity: float = 0.0, shape: Floats | None = None) -> None:
-        """Release the plate at the position of the contact solver; collective.
+        """Release the plate at the position of the contact solver.
 
         Velocity and first acceleration of the block are those of the plate times a shape. The acceleration follows
         from the balance of forces projected on that shape, which is exact for the shape of a mode.
@@ -214,53 +173,33 @@ class Transient:
         solid.u.x.array[: 3 * solid.owned] = x.ravel()
         solid.u.x.scatter_forward()
         self.inertia.shift = 0.0
-        resisting = solid.comm.allreduce(float(np.vdot(shape, solid.internal_force())))
-        self.added_mass = 2.0 * self._kinetic(shape)
+        full = solid.scatter_forward(shape.ravel())
+        self.added_mass = float(np.vdot(full, self.inertia.mass @ full))
+        resisting = float(np.vdot(shape, solid.internal_force()))
         w = (self.load - self.dashpot * velocity - resisting) / (self.mass + self.added_mass)
         self.block = Motion(x, shape * velocity, shape * w, shape * w)
         self.plate = Motion(solver.delta, velocity, w, w)
 
-    def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> TimeSeries:
-        """Integrate with steps `h`; another call continues; collective.
-
-        Args:
-            duration: [T]; rounded up to whole steps
-            h: time step [T]; a fiftieth of the period of the mass on its contact gives errors of about 0.1 %
-            forcing: F(t) [E L^2], t from the first start
-
-        Returns:
-            record from the current time to the end of the duration
-
-        Raises:
-            ConvergenceError: a step does not converge
-        """
-        push = forcing or (lambda t: 0.0)
-        newton = self.solver.counts.newton
-        supplied = self._energy()
-        rows = [self._row(supplied)]
+    def run(self, duration: float, h: float) -> TimeSeries:
+        """Integrate for a duration, rounded up to whole steps h; a fiftieth of a period gives errors of about 0.1 %."""
+        rows = [(self.time, self.plate.x, self.plate.v, self._force)]
         for _ in range(int(np.ceil(duration / h * (1.0 - 1e-12)))):
-            old, was = self.plate, push(self.time)
-            self.step(h, push(self.time + h))
-            supplied += (self.load + 0.5 * (was + push(self.time))) * (self.plate.x - old.x)
-            supplied -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
-            rows.append(self._row(supplied))
-        time, approach, velocity, force, energy, work = np.array(rows).T
-        return TimeSeries(time, approach, velocity, force, energy, work, self.solver.counts.newton - newton)
+            self.step(h)
+            rows.append((self.time, self.plate.x, self.plate.v, self._force))
+        return TimeSeries(*np.array(rows).T)
 
-    def step(self, h: float, push: float) -> None:
-        """Make one step `h`; the forcing at its end is `push` [E L^2]."""
-        solver, scheme = self.solver, self.scheme
-        anchor, self.inertia.shift = self.block.anchor(scheme, h)
+    def step(self, h: float) -> None:
+        """Make one step `h`."""
+        solver = self.solver
+        anchor, self.inertia.shift = self.block.anchor(h)
         self.inertia.anchor = solver.solid.scatter_forward(anchor.ravel())
-        _, _, beta, gamma = scheme.constants
-        q_anchor, c = self.plate.anchor(scheme, h)
-        drive = self.load + push
+        q_anchor, c = self.plate.anchor(h)
 
         def balance(q: float) -> float:
             """Residual of the plate at q without the contact force [E L^2]."""
-            return self.mass * c * (q - q_anchor) + self.dashpot * self.plate.at(q, scheme, h).v - drive
+            return self.mass * c * (q - q_anchor) + self.dashpot * self.plate.at(q, h).v - self.load
 
-        stiffness = self.mass * c + self.dashpot * gamma / (beta * h)
+        stiffness = self.mass * c + self.dashpot * GAMMA / (BETA * h)
         q = self.plate.x + h * self.plate.v
         q -= (balance(q) + 2.0 * self._force - self._before) / stiffness  # with the force extrapolated
         guess = self.block.x + h * self.block.v
@@ -268,17 +207,15 @@ class Transient:
         for _ in range(PLATE_ITERATIONS):
             solver.contact.begin(solver.summit - q)
             stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6))
-            solver.counts.newton += stats.newton
-            solver.counts.krylov += stats.krylov
             if not stats.converged:
                 break
             force, guess = solver.solved_force(), solver.newton.x.array_r.reshape(-1, 3).copy()
             unbalanced = balance(q) + force
             # a free impact has no load, and no force at all in its flight
-            greatest = max(self.load, abs(drive), abs(force), abs(self._force), self.mass * abs(self.plate.w))
+            greatest = max(self.load, abs(force), abs(self._force), self.mass * abs(self.plate.w))
             rounding = ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
-                self.plate, self.block = self.plate.at(q, scheme, h), self.block.at(guess, scheme, h)
+                self.plate, self.block = self.plate.at(q, h), self.block.at(guess, h)
                 held = solver.newton.now.rows  # nodes in contact move with the plate
                 for name in "vwa":
                     getattr(self.block, name).reshape(-1)[held] = -getattr(self.plate, name)
@@ -291,27 +228,7 @@ class Transient:
                 self._slope = max((force - tried[1]) / (q - tried[0]), 0.0)
             tried = q, force
             q -= unbalanced / (stiffness + self._slope)
-        raise ConvergenceError(
-            f"no convergence of the step of {h:.3g} at time {self.time:.6g} (approach {q:.6g} L, {stats.reason}): take "
-            "a smaller time step"
-        )
-
-    def _row(self, supplied: float) -> list[float]:
-        return [self.time, self.plate.x, self.plate.v, self._force, self._energy(), supplied]
-
-    def _kinetic(self, v: Floats) -> float:
-        """Kinetic energy of the block at velocities of the owned nodes (owned, 3) [E L^3]."""
-        full = self.solver.solid.scatter_forward(v.ravel())
-        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.inertia.mass @ full)))
-
-    def _energy(self) -> float:
-        """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
-        solid: Any = self.solver.solid
-        solid.kernels = self.inertia.kernels
-        stored_and_dissipated = energies(solid, solid.internal_force())
-        solid.kernels = self.inertia
-        of_solid = float(solid.comm.allreduce(np.array(stored_and_dissipated)).sum())
-        return 0.5 * self.mass * self.plate.v**2 + self._kinetic(self.block.v) + of_solid
+        raise ConvergenceError(f"no convergence of the step of {h:.3g} at time {self.time:.6g} ({stats.reason})")
 
 
 BUMP, DEEP, ZETA, NU = Sinusoid(L=1.0, amplitude=0.05, wavelength=1.0), 0.035, 0.02, 0.3

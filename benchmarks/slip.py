@@ -299,7 +299,7 @@ def flowing(solver: ContactSolver, settings: SlipSettings, part: float) -> list[
     assert settings.preload is not None
     with at_preload(solver, settings.preload):
         sliding = Sliding(solver, settings.friction)
-        return [sliding.path(0.6, 1).energy for _ in range(3 if part == 1.0 else 1)]
+        return [sliding.loop(0.6).energy for _ in range(3 if part == 1.0 else 1)]
 
 
 def columns(errors: ArrayLike) -> str:

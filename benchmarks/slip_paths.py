@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from math import inf, nan, pi
-from typing import Any
+from dataclasses import replace
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity.arrays import Array, Floats, Integers
+from asperity.arrays import Floats, Integers
 from asperity.contact.active_set import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.friction import StickSlip
@@ -32,65 +32,22 @@ CLOSE_PRELOAD = 1e-4  # the same of the normal force
 RTOL = 1e-6  # of the forces out of balance over the normal force; 1e-8 costs an iteration in six, and changes nothing
 LIGHT = 0.01  # displacement that gives the stiffness at rest, over friction times the approach
 TRIALS = 25  # solves that look for a force
-FIRST, DOWN, UP = 0, 1, 2  # legs of a path: first loading, to the opposite amplitude, and back
+LEGS = (1.0, 1), (-1.0, 2), (1.0, 2)  # side, and steps: first loading, to the opposite amplitude, and back
 
 
-@dataclass(frozen=True, eq=False)
-class SlipPath:
-    """Displacement and force of the solid, from rest to an amplitude and around one loop; arrays of shape (n,).
+class Loop(NamedTuple):
+    """Steady loop of the solid between opposite tangential forces, after a first loading from rest."""
 
-    Attributes:
-        amplitude: of the force over the limit of friction
-        leg: 0 first loading, 1 down to the opposite amplitude, 2 up again; the end of each belongs to it
-        u: displacement of the flat (length)
-        T: tangential force (force)
-        slip_share: share of the area of contact that slips in the step; NaN where unknown
-        dissipated: by friction, since rest (force length)
-    """
-
-    amplitude: float
-    leg: Array
-    u: Array
-    T: Array
-    slip_share: Array
-    dissipated: Array
-
-    def end(self, leg: int) -> int:
-        """Row at the end of a leg."""
-        return int(np.flatnonzero(self.leg == leg)[-1])
-
-    @property
-    def displacement(self) -> float:
-        """Amplitude of the displacement, half of its range on the last leg (length)."""
-        return float(self.u[-1] - self.u[self.end(DOWN)]) / 2.0
-
-    @property
-    def force(self) -> float:
-        """Amplitude of the force, half of its range on the last leg (force)."""
-        return float(self.T[-1] - self.T[self.end(DOWN)]) / 2.0
-
-    @property
-    def k_secant(self) -> float:
-        """Amplitude of the force over that of the displacement (force/length)."""
-        return self.force / self.displacement
-
-    @property
-    def energy(self) -> float:
-        """Energy dissipated by friction in the loop (force length)."""
-        return float(self.dissipated[-1] - self.dissipated[self.end(FIRST)])
-
-    @property
-    def eta(self) -> float:
-        """Loss factor, the energy of the loop over pi T u."""
-        return self.energy / (pi * self.force * self.displacement)
+    displacement: float  # amplitude, half of its range (length)
+    force: float  # amplitude, half of its range (force)
+    energy: float  # dissipated by friction (force length)
 
 
-def solve_slip(problem: Problem, result: ContactResult, settings: SlipSettings) -> tuple[SlipPath, ...]:
-    """Paths along x from the state at the end of a load path of exact contact without friction, in physical units.
+def solve_slip(problem: Problem, result: ContactResult, settings: SlipSettings) -> tuple[Loop, ...]:
+    """Loops along x from the state at the end of a load path of exact contact without friction, in physical units.
 
     The flat goes from the present state to the preload [force] of the settings, and from rest to each amplitude of the
-    tangential force and around one loop. The state of the result is as before
-    afterwards.
+    tangential force and around one loop. The state of the result is as before afterwards.
     """
     solver, side, unit = result.solver, problem.surface.L, problem.material.E * problem.surface.L**2
     assert settings.preload is not None and isinstance(solver.contact, ActiveSet)
@@ -100,11 +57,10 @@ def solve_slip(problem: Problem, result: ContactResult, settings: SlipSettings) 
         sliding = Sliding(solver, settings.friction)
         for amplitude in settings.amplitudes:
             sliding.reset()
-            found.append(sliding.path(amplitude, settings.steps))
+            u, force, energy = sliding.loop(amplitude)
+            found.append(Loop(u * side, force * unit, energy * unit * side))
         kernels._law = flowing
-    return tuple(
-        replace(path, u=path.u * side, T=path.T * unit, dissipated=path.dissipated * unit * side) for path in found
-    )
+    return tuple(found)
 
 
 @contextmanager
@@ -174,7 +130,7 @@ class FrozenFriction:
         self._normal = normal
         self._resting = solid.internal_force().copy()  # stays as an external force
         nodes = surface.owned_nodes[normal[surface.owned_nodes] > 0.0]
-        self.normal, self._weights = normal[nodes], surface.bearing_area()[nodes]
+        self.normal = normal[nodes]
         self.sliding = StickSlip(solid, nodes, fixed)
         self.sliding.origin = self.sliding.position()
 
@@ -188,12 +144,10 @@ class FrozenFriction:
     def nodal_force(self, force: Floats) -> Floats:
         return self._normal
 
-    def step(self) -> Floats:
-        """Work of friction in the step [E L^3], area that slips, area in contact [L^2]; parts of this rank (3,)."""
+    def work(self) -> float:
+        """Work of friction in the step, the part of this rank [E L^3]."""
         flat, loose = self.sliding, ~self.sliding.stuck
-        touched = flat.bounds > 0.0
-        work = flat.bounds[loose] @ np.linalg.norm(flat.slip()[loose], axis=1)
-        return np.array([work, self._weights[touched & loose].sum(), self._weights[touched].sum()])
+        return float(flat.bounds[loose] @ np.linalg.norm(flat.slip()[loose], axis=1))
 
 
 class Sliding:
@@ -232,19 +186,20 @@ class Sliding:
 
     def reset(self) -> None:
         """To rest."""
-        self.delta = 0.0
+        self.delta = self._loss = 0.0
         self._u, self.force = self._at_rest
         self._guide: tuple[float, Floats | float] = 0.0, 0.0  # the last move, and how it changed the displacement
         self._solid.kernels.restore(self._history.copy())
         self._flat.shift, self._flat.origin = np.zeros(2), self._origin
 
-    def path(self, amplitude: float, steps: int) -> SlipPath:
-        """Move from the present state to an amplitude and around a loop."""
-        self._rows, goal = [(FIRST, self.delta, self.force, 0.0, 0.0)], amplitude * self.limit
-        for self._leg, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
-            follow(self, sign * goal, count, CLOSE * goal, self.k_rest)
-        leg, u, T, share, loss = np.array(self._rows).T
-        return SlipPath(amplitude, leg.astype(int), u, T, share, loss)
+    def loop(self, amplitude: float) -> Loop:
+        """Move from the present state to an amplitude over the limit and around a loop [L, E L^2, E L^3]."""
+        goal, ends = amplitude * self.limit, []
+        for sign, steps in LEGS:
+            follow(self, sign * goal, steps, CLOSE * goal, self.k_rest)
+            ends.append((self.delta, self.force, self._loss))
+        (_, _, begun), (low, down, _), (high, up, lost) = ends
+        return Loop((high - low) / 2.0, (up - down) / 2.0, lost - begun)
 
     def solve(self, delta: float) -> StepStats:
         """Solve with the flat at a displacement, from the accepted state, without committing.
@@ -270,8 +225,6 @@ class Sliding:
     def commit(self, delta: float) -> None:
         """Commit the last solve, made with the flat at `delta`."""
         self.delta, self.force = delta, self.solved_force()
-        loss, slipping, touching = self._solid.comm.allreduce(self._contact.step()).tolist()
+        self._loss += self._solid.comm.allreduce(self._contact.work())
         self._solid.kernels.commit()
         self._flat.origin, self._u = self._flat.position(), self._displacement()
-        share = slipping / touching if touching > 0.0 else nan
-        self._rows.append((self._leg, delta, self.force, share, self._rows[-1][-1] + loss))

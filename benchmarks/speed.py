@@ -6,7 +6,6 @@
     ./run python3 benchmarks/speed.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
     ./run python3 benchmarks/speed.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
     ./run mpirun -n N python3 benchmarks/speed.py ranks [H]                    four steps on N ranks, on as many cores
-    ./run mpirun --oversubscribe -n N python3 benchmarks/speed.py memory [H]   memory of N ranks in one step
 
 Paths of ten steps go to 0.03 L. H is the element size in the contact in units of L; seconds are CPU seconds.
 """
@@ -17,7 +16,6 @@ import subprocess
 import sys
 import warnings
 from math import log
-from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
@@ -131,19 +129,9 @@ def ranks(sizes: tuple[float, ...]) -> None:
         out(comm.size, result.dofs, counts.newton, counts.krylov, f"{seconds:.1f}", *slowest, result.memory / 2**30)
 
 
-def memory(sizes: tuple[float, ...]) -> None:
-    """Sum of the peaks of the ranks, and what they take of the machine at the end, where shared pages count once."""
-    head("ranks, dofs, peaks MiB, of the machine MiB")
-    for h in sizes:
-        result, _ = press("plastic", h, steps=1)
-        lines = Path("/proc/self/smaps_rollup").read_text().splitlines()
-        taken = MPI.COMM_WORLD.allreduce(next(int(line.split()[1]) / 1024 for line in lines if line.startswith("Pss:")))
-        out(MPI.COMM_WORLD.size, result.dofs, f"{result.memory / 2**20:.0f}", f"{taken:.0f}")
-
-
 JOBS = {
     "step": (step, (0.03, 0.0125, 0.0066, 0.0053)), "path": (path, (0.06,)), "krylov": (krylov, (0.05,)),
-    "coarse": (coarse, (0.1, 0.05, 0.022)), "ranks": (ranks, (0.0125,)), "memory": (memory, (0.0125,)),
+    "coarse": (coarse, (0.1, 0.05, 0.022)), "ranks": (ranks, (0.0125,)),
 }  # fmt: skip
 
 if __name__ == "__main__":

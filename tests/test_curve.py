@@ -18,18 +18,6 @@ from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.output.comparison import compare_curves
 
 
-def test_columns_are_those_of_the_file_format():
-    assert ",".join(COLUMNS) == (
-        "step,branch,delta,delta_star,force,P_star,area_fraction,max_pressure,plastic_fraction,"
-        "max_plastic_strain,error_P_star,error_area_fraction,newton,krylov,seconds,"
-        "mean_gap,mean_pressure,spots,largest_spot,k_n,k_n_elastic,k_t,k_t_x,k_n_interface,k_t_interface,"
-        "conductance,error_mean_gap,error_k_n,error_k_n_elastic,error_k_t,error_k_t_x,"
-        "error_k_n_interface,error_k_t_interface,error_conductance,transmissivity_x,transmissivity_y,"
-        "hydraulic_aperture,error_transmissivity_x,error_transmissivity_y,error_hydraulic_aperture,"
-        "max_strain,strained_fraction,edge_fraction,time"
-    )
-
-
 @pytest.mark.parametrize("header", [{}, {"case": "sphere", "tolerances": {"force": 0.01}}])
 def test_csv_is_lossless(tmp_path, header):
     curve = make_curve(**header)

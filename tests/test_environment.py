@@ -196,8 +196,13 @@ def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: st
     assert clone.roots() == []
 
 
-@pytest.mark.parametrize("what", ["cache", "root", "python"])
-@pytest.mark.parametrize("how", ["another user", "all may write", "a group may write", "a link of another"])
+@pytest.mark.parametrize(
+    ("what", "how"),
+    [
+        *(("cache", how) for how in ("another user", "all may write", "a group may write")),
+        ("root", "a link of another"), ("root", "a group may write"), ("python", "another user"),
+    ],
+)  # fmt: skip
 def test_what_others_may_have_written_is_not_entered(clone: Clone, what: str, how: str) -> None:
     """Neither the cache, nor the root or the clone's environment in it."""
     if "another" in how and os.geteuid():

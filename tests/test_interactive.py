@@ -13,12 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import make_curve
 
 import asperity as asp
 from asperity.cli import group
-from asperity.output.results import Results
-from asperity.surface.spectrum import psd
 
 MAIN = "from asperity.cli import main; main()"  # as the script of the package does
 ROOT = Path(__file__).parent.parent
@@ -31,33 +28,6 @@ FLAT: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def result() -> Any:
     return asp.run(asp.Case.from_dict(FLAT))
-
-
-def objects(result: Any) -> list[Any]:
-    """One of each public class with data."""
-    wave = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-12)
-    law = asp.CurveLaw(np.linspace(0.01, 1.0, 30), np.linspace(0.01, 1.0, 30) ** 1.5)
-    oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.05)
-    response = oscillator.response(0.01, (0.9, 1.1), tol=1e-3)
-    free = oscillator.free([0.1, 0.2])
-    case = asp.Case.from_dict(FLAT)
-    return [
-        wave, wave.statistics(), psd(wave.grid(65), 1e-6), asp.Material(E=1.0, nu=0.3), asp.MeshSize(),
-        asp.Formulation(), asp.SolverOptions(), asp.AccuracyTarget(0.1), case, case.problem(), result, result.contact,
-        result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
-        asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free,
-        response, response.pieces[0], response.top, oscillator.thresholds(),
-        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], zeta=0.05),
-        asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
-    ]  # fmt: skip
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_every_object_is_one_short_line(result: Any) -> None:
-    for thing in objects(result):
-        text = repr(thing)
-        assert "\n" not in text and len(text) < 400, text
-        assert type(thing).__name__ in text and " object at 0x" not in text
 
 
 def test_a_result_draws_itself(result: Any) -> None:

@@ -191,16 +191,10 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     assert checks["work_at_peak"] == pytest.approx(work, rel=1e-9) and checks["peak"] == pytest.approx(work, rel=0.05)
     assert 0.0 <= checks["penetration"] < 1e-6 * load.delta[-1]
     assert checks["units"]["greatest_force"] == "force" and checks["units"]["work"] == "force*length"
-    assert {"mesh", "set-up", "tangent", "residual", "linear solve", "dynamics", "fields"} <= set(summary["seconds"])
-    assert {"asperity", "python", "dolfinx", "numpy", "petsc4py", "gmsh"} <= set(summary["versions"])
     assert summary["case_hash"] == Case.load(folder / "case.toml").hash()
-    assert 10 < summary["peak_memory_MiB"] < 10_000
     parallel, seconds = summary["parallel"], summary["seconds"]
-    assert len(parallel["peak_memory_MiB"]) == summary["ranks"] and min(parallel["peak_memory_MiB"]) > 10
+    assert min(parallel["peak_memory_MiB"]) > 10 and seconds.keys() > {"mesh", "tangent", "residual", "linear solve"}
     assert parallel["slowest_seconds"] == {name: pytest.approx(value, abs=1e-3) for name, value in seconds.items()}
-    page = (folder / "report.html").read_text(encoding="utf-8")
-    for words in ("contact spots", "mean gap", "elastic normal stiffness", "constriction conductance"):
-        assert words in page
 
 
 def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tmp_path: Path) -> None:
@@ -276,10 +270,10 @@ def test_resumed_with_more_dofs_the_meshes_are_those_of_a_fresh_run(tmp_path: Pa
             run(case, tmp_path / name, resume=resume)
         return [level["dofs"] for level in Results.read(tmp_path / name).summary["accuracy"]["levels"]]
 
-    few = attempt(10_000, "limited")
-    more = attempt(15_000, "limited", resume=True)
-    assert max(few) <= 10_000 < more[-1]
-    assert more == attempt(15_000, "fresh")
+    few = attempt(5_000, "limited")
+    more = attempt(8_000, "limited", resume=True)
+    assert max(few) <= 5_000 < more[-1]
+    assert more == attempt(8_000, "fresh")
 
 
 @pytest.mark.parametrize(("trouble", "older"), [("deep", True), ("another surface", False)])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,7 +27,7 @@ QUICK = [
 
 def test_a_surface_rough_down_to_the_pixel_takes_more_than_it_may(tmp_path: Path) -> None:
     """As a scan with noise: the estimate follows its waves, and says that the tolerance will not be met."""
-    noise = np.random.default_rng(0).normal(size=(256, 256))
+    noise = np.random.default_rng(0).normal(size=(128, 128))
     np.savez(tmp_path / "noise.npz", z=1e-3 * noise, L=1.0)
     case = {"units": "other", "surface": {"kind": "file", "path": str(tmp_path / "noise.npz")}}
     case |= {
@@ -109,13 +107,3 @@ def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
     found, known = estimate(Case.from_dict(data, folder=file.parent)), estimate(given)
     assert found.approach == pytest.approx(known.approach, rel=0.25)
     assert found.dofs == pytest.approx(known.dofs, rel=0.3)
-
-
-def test_no_solver_is_loaded() -> None:
-    code = (
-        "import sys; from asperity.case.case_file import Case; from asperity.adaptive.estimate import estimate\n"
-        f"estimate(Case.load({str(ROOT / 'cases/elastic.toml')!r}))\n"
-        "print([m for m in ('gmsh', 'dolfinx', 'petsc4py') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

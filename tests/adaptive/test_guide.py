@@ -11,9 +11,7 @@ from conftest import ELASTIC, here, top_of
 from scipy.special import ellipk
 
 import asperity as asp
-from asperity.adaptive.extrapolation import (
-    SCATTER,
-)
+from asperity.adaptive.extrapolation import SCATTER
 from asperity.adaptive.guide import Guide, spots_of
 from asperity.adaptive.meshes import LevelSolver
 from asperity.mesh.generate import build_block

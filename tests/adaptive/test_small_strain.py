@@ -50,12 +50,11 @@ def test_of_a_plane_block_it_is_the_closed_form(e: float, sides: str) -> None:
     ("surface", "depth", "yields", "most"),
     [
         (SelfAffine(L=1.0, H=0.7, slope=0.12, lambda_roll=0.5, lambda_short=0.15, seed=12), 0.012, None, 3.0),
-        (SelfAffine(L=1.0, H=0.7, slope=0.12, lambda_roll=0.5, lambda_short=0.15, seed=12), 0.012, (0.003, 0.01), 5.0),
         (SelfAffine(L=1.0, H=0.8, slope=0.4, lambda_roll=0.5, lambda_short=0.1, seed=3), 0.04, (0.005, 0.2), 15.0),
         (Sphere(L=1.0, radius=1.0, centre=(0.4, 0.45), shape="paraboloid"), 0.02, (0.002, 0.001), 5.0),
         (Flat(L=1.0), 0.04, (0.005, 0.02), 5.0),
     ],
-    ids=["elastic", "soft", "steep", "indented", "block that flows"],
+    ids=["elastic", "steep", "indented", "block that flows"],
 )
 def test_it_errs_towards_finite_strain(
     surface: Surface, depth: float, yields: tuple[float, float] | None, most: float
@@ -68,7 +67,7 @@ def test_it_errs_towards_finite_strain(
         estimated = change(Problem.of(surface, auto, delta_max=depth))
         for kinematics in ("small", "finite"):
             material = Material(1.0, 0.3, strength, modulus, kinematics=kinematics)
-            curve = solve_contact(surface, material, delta_max=depth, steps=5, size=MeshSize(0.07), comm=here()).curve
+            curve = solve_contact(surface, material, delta_max=depth, steps=5, size=MeshSize(0.09), comm=here()).curve
             forces.append(np.interp(depth * np.arange(1, 6) / 5, curve.delta, curve.force))
     found = 100.0 * float(np.max(np.abs(forces[0] / forces[1] - 1.0)))
     assert found <= estimated <= most * found + 0.5

@@ -243,11 +243,3 @@ def test_a_first_touch_on_an_edge_of_the_patch_is_told(keys: list[str], said: st
         case = Case.load(DEMO, [*keys, *driven])
         texts = doubts_of(case)
         assert len(texts) == bool(said) and all(said in text for text in texts)
-
-
-@pytest.mark.parametrize(("sides", "count"), [("rollers", 0), ("free", 1)])
-def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: str, count: int) -> None:
-    """Rollers are its planes of symmetry; at free sides there is none."""
-    quarter = {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.0, 0.0]}
-    case = Case.from_dict(MINIMAL | {"surface": quarter, "block": {"sides": sides}})
-    assert len(doubts_of(case)) == count

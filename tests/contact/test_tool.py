@@ -129,7 +129,7 @@ def test_a_rough_tool_on_a_rough_solid_has_the_sum_under_the_flat() -> None:
     both = Sinusoid(L=1.0, amplitude=0.006, dims=2)
     force = [
         solve_contact(
-            solid, PLASTIC, tool=rigid, delta_max=0.004, steps=2, size=MeshSize(0.06), comm=here()
+            solid, PLASTIC, tool=rigid, delta_max=0.004, steps=2, size=MeshSize(0.09), comm=here()
         ).curve.force
         for solid, rigid in ((wave, tool), (both, None))
     ]

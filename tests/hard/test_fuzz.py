@@ -243,9 +243,6 @@ def meshes(draw: st.DrawFn) -> bytes:
     return saved(np.savez, **(arrays | {"points": points, "tets": tets}))
 
 
-CURVE = b"step,branch,delta,force\n1,load,1e-9,2e-6\n2,load,2e-9,5e-6\n3,unload,1.5e-9,0.0\n"
-
-
 def read_map(path: Path) -> None:
     for side in ({}, {"L": 1e-6}):
         surface = {"kind": "file", "path": path.name, **side}
@@ -273,7 +270,6 @@ def read_mesh(path: Path) -> None:
 READERS: dict[str, tuple[Callable[[Path], object], st.SearchStrategy[File]]] = {
     "case": (lambda path: accepts(Case.load(path)), mutated().map(lambda data: (".toml", data))),
     "map": (read_map, MAPS),
-    "curve": (Curve.read, mutated((CURVE, b'# {"a": 1}\n' + CURVE)).map(lambda data: (".csv", data))),
     "mesh": (read_mesh, (meshes() | mutated((saved(np.savez, **vars(BLOCK)),))).map(lambda data: (".npz", data))),
 }
 

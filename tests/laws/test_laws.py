@@ -384,7 +384,7 @@ def test_a_state_that_saturates_has_the_force_of_a_solid_without_memory() -> Non
     sphere = asp.Surface.from_spec("sphere", L=1.0, radius=2.0)
 
     def force(law: Any, steps: int) -> float:
-        solid, size = asp.Material.of_law(law, E=1.0, nu=NU), asp.MeshSize(h_contact=0.25, h_max=0.5)
+        solid, size = asp.Material.of_law(law, E=1.0, nu=NU), asp.MeshSize(h_contact=0.4, h_max=0.5)
         assert solid.integrator == "backward-euler"
         return float(asp.solve_contact(sphere, solid, delta_max=0.02, steps=steps, size=size).curve.force[-1])
 

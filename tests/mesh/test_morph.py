@@ -78,14 +78,6 @@ def test_a_spike_that_no_element_can_follow_is_refused(tmp_path: Path) -> None:
         judge_mesh(block, surface, 0.1, 0.05)
 
 
-def test_small_changes_by_smoothing_are_warned_of() -> None:
-    surface = self_affine(slope=1.2)
-    block = uniform(surface, 0.1)
-    assert 0.05 < lowered(block, surface) < 0.5
-    with pytest.warns(ResolutionWarning, match="smoothed"):
-        judge_mesh(block, surface, 0.1, 0.05)
-
-
 def test_smoothing_stays_near_the_elements_that_need_it() -> None:
     """A width that falls too fast makes new bad elements at its edge, and spreads over the block as it grows."""
     surface = SelfAffine(L=1.0, H=0.8, slope=0.7, lambda_roll=0.3, lambda_short=0.05, seed=2)

@@ -127,7 +127,7 @@ def test_pressure_of_an_elastic_contact_beyond_that_of_metals() -> None:
 def test_pressure_of_an_elastic_contact_does_not_grow_with_the_mesh() -> None:
     """Of a wave on two meshes; of a Hertzian contact it is the pressure in the middle."""
     ridge, found = Sinusoid(L=1.0, amplitude=0.02), []
-    for h in (0.1, 0.05):
+    for h in (0.14, 0.07):
         problem = Problem.of(ridge, Material(1.0, 0.3), delta_max=0.02, steps=2, size=MeshSize(h))
         curve = solve_problem(problem, comm=here()).curve
         line = elastic(Evidence(curve, problem))
@@ -159,18 +159,6 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
         assert verdict(bulk_yield(Evidence(result.curve, problem))) == (DOUBTFUL if part > 1 else FINE)
 
 
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-@pytest.mark.parametrize("yield_strength", [None, 0.01])
-def test_the_strain_of_a_plane_block(kinematics: str, yield_strength: float | None) -> None:
-    """Uniaxial strain e, or ln(1 - e): the equivalent strain is two thirds of it, plastic or not."""
-    material = Material(1.0, 0.3, yield_strength, 0.0 if yield_strength is None else 0.2, kinematics=kinematics)
-    size = MeshSize(0.5, 1.0, 1.0)
-    found = solve_contact(Flat(L=1.0), material, delta_max=0.08, steps=2, size=size, comm=here()).curve
-    strain = found.delta_star if kinematics == "small" else -np.log1p(-found.delta_star)
-    assert found.max_strain == pytest.approx(2 / 3 * strain, rel=1e-6)
-    assert found.strained_fraction == pytest.approx((2 / 3 * strain > 0.05).astype(float))
-
-
 @pytest.mark.parametrize(
     ("sides", "height", "centre", "delta"),
     [
@@ -199,7 +187,7 @@ def test_what_a_block_adds_to_the_approach_of_a_rough_surface() -> None:
     wave, found = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, dims=2), []
     for height in (1.0, 2.0):
         problem = Problem.of(
-            wave, Material(1.0, 0.3), force_max=3e-3, steps=2, height=height, size=MeshSize(0.06, h_max=0.5)
+            wave, Material(1.0, 0.3), force_max=3e-3, steps=2, height=height, size=MeshSize(0.1, h_max=0.5)
         )
         run = Evidence(solve_problem(problem, comm=here()).curve, problem)
         found.append((float(run.curve.delta[-1]), added_by_block(run).value))

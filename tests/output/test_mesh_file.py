@@ -12,7 +12,6 @@ from conftest import call
 from test_export import calculated, calculix
 
 from asperity.case import Case
-from asperity.errors import InputError
 from asperity.mesh.element import GMSH_TO_VTK
 from asperity.output.mesh_file import ABAQUS_FACES, block_of_case, write_mesh
 
@@ -115,8 +114,3 @@ def test_without_a_solve_and_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixt
     (out / "curve.csv").write_text("delta,force\n1e-8,1\n2e-8,3\n")
     assert call("export", out, "--to", out / "block.inp") == 0
     assert (out / "block.inp").read_text().split("\n", 1)[1] == (tmp_path / "a.inp").read_text().split("\n", 1)[1]
-
-
-def test_another_suffix_is_refused(made: Any, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"meshes are written as \.inp, \.msh"):
-        write_mesh(made[0], made[1], tmp_path / "a.step")

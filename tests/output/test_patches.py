@@ -77,7 +77,7 @@ def test_explicit_phases_are_no_seed() -> None:
 @pytest.mark.parametrize("pressure", [2.5e6, 25e6, 400e6, 3e9])
 def test_any_pressure_has_an_answer(pressure: float) -> None:
     """Yielding spots end at a greatest pressure, where the curve of the half-space is flat to its tolerance."""
-    for seed in range(1, 7):
+    for seed in range(1, 4):
         found = spread(replace(SMALL, seed=seed), pressure, replace(STEEL, yield_strength=1e9, tangent_modulus=0.0))
         assert found is None or 0.0 <= found.bar < 20.0
 

@@ -229,47 +229,43 @@ def test_a_flat_that_touches_no_node_is_noticed(wave: Surface, coarse_wave: Bloc
     assert solver.checks.violated == {}
 
 
-def test_a_wrong_run_ends_with_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    case = {
-        "units": "other",
-        "surface": {"kind": "sinusoid", "L": 1.0, "amplitude": 0.05, "dims": 2},
-        "material": {"E": 1.0, "nu": 0.3},
-        "mesh": {"h_contact": 0.2, "h_max": 0.5},
-        "loading": {"delta_max": 0.02, "steps": 2},
-    }
-    right = ActiveSet.nodal_force
-    monkeypatch.setattr(ActiveSet, "nodal_force", lambda self, force: 1.001 * right(self, force))
-    with pytest.raises(CheckError, match="do not use it: the force on the flat") as caught:
-        run(Case.from_dict(case), tmp_path / "out")
-    assert caught.value.exit_code == 3
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert "force_balance" in summary["checks"]["violated"] and not summary["finished"]
-
-
 SMALL: dict[str, Any] = {
     "delta_max": 0.02, "steps": 2, "size": MeshSize(h_contact=0.2, h_max=0.5),
     "formulation": Formulation("penalty", penalty=0.01),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("call", ["mesh", "tolerance"])
-def test_a_wrong_result_is_an_error_in_python_too(monkeypatch: pytest.MonkeyPatch, wave: Surface, call: str) -> None:
-    """Every call that returns a curve or loops; the error carries what was found."""
+CASE: dict[str, Any] = {
+    "units": "other", "surface": {"kind": "sinusoid", "L": 1.0, "amplitude": 0.05, "dims": 2},
+    "material": {"E": 1.0, "nu": 0.3}, "mesh": {"h_contact": 0.2, "h_max": 0.5},
+    "loading": {"delta_max": 0.02, "steps": 2}, "contact": {"method": "penalty", "penalty": 0.01},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("call", ["mesh", "tolerance", "case"])
+def test_a_wrong_result_is_an_error(monkeypatch: pytest.MonkeyPatch, wave: Surface, tmp_path: Path, call: str) -> None:
+    """Of every call that returns a curve, and of a run; the error carries what was found."""
     calls: dict[str, Callable[[], Any]] = {
         "mesh": lambda: asp.solve_contact(wave, ELASTIC, **SMALL),
         "tolerance": lambda: asp.solve_contact(wave, ELASTIC, tolerance=0.2, delta_max=0.02, steps=2),
+        "case": lambda: run(Case.from_dict(CASE), tmp_path / "out"),
     }
-    if call != "mesh":
+    if call == "tolerance":
         right = asperity.quasistatic.contact_solver.audit
 
         def wrong(checks: Checks, step: StepBalance, **rest: Any) -> None:
             right(checks, replace(step, reaction=1.001 * step.reaction), **rest)
 
         monkeypatch.setattr("asperity.quasistatic.contact_solver.audit", wrong)
-    with pytest.raises(CheckError, match="the result is wrong, do not use it: the ") as caught:
+    with pytest.raises(CheckError, match="do not use it: the ") as caught:
         calls[call]()
-    found: Any = caught.value.result
-    assert found.curve.force[-1] > 0.0
+    assert caught.value.exit_code == 3
+    if call == "case":
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert summary["checks"]["violated"] and not summary["finished"]
+    else:
+        found: Any = caught.value.result
+        assert found.curve.force[-1] > 0.0
 
 
 def balance(**changes: float) -> StepBalance:

@@ -18,7 +18,7 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
 from asperity.output.results import Raster
 from asperity.quasistatic.measures import mean_stress, row
-from asperity.surface import Sinusoid, Surface
+from asperity.surface import Flat, Sinusoid, Surface
 
 NU = 0.3
 #: Nitsche's method has the points of the penalty method.
@@ -47,7 +47,7 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
 
     rough = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.4, lambda_short=0.15, seed=3)
     result = solve_contact(
-        rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.04),
+        rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.06),
         comm=here(),
     )  # fmt: skip
     curve, fields = result.curve, gather_top_states(result, 1.0, 1.0)
@@ -107,18 +107,24 @@ def test_the_plastic_fraction_is_one_of_volume(rough: Surface, coarse: Any) -> N
     assert found == pytest.approx(np.average(flows, weights=kernels.volumes)) != pytest.approx(flows.mean())
 
 
-@pytest.mark.parametrize("height", [0.5, 2.0])
-def test_strained_and_plastic_fractions_are_those_of_any_height(height: float) -> None:
-    """A flat block, uniformly compressed by 0.1: all of it is strained, by 2/3 of that, and all of it has yielded."""
-    from asperity.surface import Flat
-
-    for material in (ELASTIC, PLASTIC):
-        curve = solve_contact(
-            Flat(L=1.0), material, height=height, delta_max=0.1 * height, steps=2, size=MeshSize(0.5, h_max=0.5),
-            comm=here(),
-        ).curve  # fmt: skip
-        assert (curve.strained_fraction[0], curve.strained_fraction[-1]) == pytest.approx((0.0, 1.0))
-        assert curve.plastic_fraction[-1] == pytest.approx(1.0 if material.plastic else 0.0)
+@pytest.mark.parametrize(("kinematics", "height"), [("small", 0.5), ("small", 2.0), ("finite", 2.0)])
+@pytest.mark.parametrize(("strength", "tangent"), [(None, 0.0), (0.01, 0.2)], ids=["elastic", "plastic"])
+def test_strain_and_fractions_of_a_flat_block(
+    kinematics: Any, height: float, strength: float | None, tangent: float
+) -> None:
+    """Uniaxial strain e, or ln(1 - e): two thirds of it, plastic or not, in all of the block at once, of any height."""
+    material = Material(1.0, NU, strength, tangent, kinematics=kinematics)
+    found = solve_contact(
+        Flat(L=1.0), material, height=height, delta_max=0.08 * height, steps=2, size=MeshSize(0.5, h_max=0.5),
+        comm=here(),
+    ).curve  # fmt: skip
+    strain = found.delta / height
+    expected = 2 / 3 * (strain if kinematics == "small" else -np.log1p(-strain))
+    np.testing.assert_allclose(found.max_strain, expected, rtol=1e-6)
+    np.testing.assert_allclose(found.strained_fraction, expected > 0.05)
+    assert found.strained_fraction[0] == 0.0 and found.plastic_fraction[-1] == pytest.approx(
+        float(strength is not None)
+    )
 
 
 def test_the_strained_fraction_of_a_contact_is_that_of_its_volume() -> None:

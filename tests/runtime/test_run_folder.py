@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
@@ -21,9 +20,8 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any
 
-import numpy as np
 import pytest
-from conftest import call, files, leave_figures_blank, world
+from conftest import assert_same, call, files, leave_figures_blank, world
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
@@ -58,11 +56,6 @@ class Killed(BaseException):
 
 def case_of(**sections: Mapping[str, Any] | str) -> Case:
     return Case.from_dict({**PLANE, **sections})
-
-
-def assert_same(curve: Curve, other: Curve) -> None:
-    for name in ("delta", "force", "area_fraction", "max_pressure"):
-        np.testing.assert_array_equal(getattr(curve, name), getattr(other, name))
 
 
 # --- run, kill, resume, run again -----------------------------------------------------------------------------
@@ -359,39 +352,6 @@ def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(tmp_path: Pat
     with pytest.raises(InputError, match="no mesh") if refused else nullcontext():
         run(case_of(), out, progress=First(second))
     assert not (tmp_path / "new").exists() if refused else results(out) == straight("soft")[1]
-
-
-def long_run(folder: Path) -> subprocess.Popen[bytes]:
-    """Run of folder/case.toml in folder/out, of which some steps are done."""
-    path, out = folder / "case.toml", folder / "out"
-    path.write_text(case_of(mesh={"h_contact": 0.2}, loading={"delta_max": 0.02, "steps": 500}).to_toml())
-    command: list[Any] = [sys.executable, "-m", "asperity", "run", path, "-o", out, "-q"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE)
-    end = time.monotonic() + 60
-    while not (out / "curve.csv").exists():
-        assert time.monotonic() < end and process.poll() is None
-        time.sleep(0.02)
-    return process
-
-
-def test_a_killed_run_leaves_no_lock(tmp_path: Path) -> None:
-    path, out, process = tmp_path / "case.toml", tmp_path / "out", long_run(tmp_path)
-    assert in_another_process("run", path, "-o", out, "--force")[0] == 2
-    process.kill()
-    process.wait()
-    run(case_of(), out, force=True)
-
-
-def test_a_signal_ends_a_run_in_order_where_nobody_reads_its_errors(tmp_path: Path) -> None:
-    """As where its terminal has been closed; the note on the signal and the message of the end go nowhere."""
-    process = long_run(tmp_path)
-    assert process.stderr is not None
-    process.stderr.close()
-    process.terminate()
-    assert process.wait(60) == 3
-    summary = json.loads((tmp_path / "out/summary.json").read_text(encoding="utf-8"))
-    assert summary["exit_reason"].startswith("stopped by SIGTERM after step")
-    assert summary["steps"] == len(Curve.read(tmp_path / "out/curve.csv"))
 
 
 @pytest.mark.parametrize("name", ["checkpoint", "checkpoint/level-1", "fields", "figures", "run.log", ".lock"])

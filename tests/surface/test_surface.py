@@ -439,13 +439,6 @@ def test_a_map_is_the_function_that_it_samples():
     assert surface.mean() == pytest.approx(integral, rel=1e-6)
 
 
-def test_a_sampled_fractal_has_the_same_summit():
-    surface = fractal(D=2.5)
-    copy = HeightMap.of(surface.grid(257), L)
-    for a, b in zip(copy.maximum(), surface.maximum(), strict=True):
-        assert a == pytest.approx(b, rel=1e-5)
-
-
 def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
     """Samples of a periodic surface are; a map with other edges is not, nor one with equal edges and a ridge there."""
     rough = SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_short=0.05, seed=1).grid(129)

@@ -259,7 +259,7 @@ def hertz(d: np.ndarray) -> np.ndarray:
     return 2e10 * np.maximum(d - START, 0.0) ** 1.5
 
 
-def rows_of(count: int = 100, noise: float = 0.0) -> np.ndarray:
+def rows_of(count: int = 70, noise: float = 0.0) -> np.ndarray:
     """Rows of a measured contact of Hertz, whose scatter is a share of the preload."""
     d = np.linspace(2.9e-6, START + 1.5e-6, count)
     return np.column_stack([d, hertz(d) + noise * LOAD * np.random.default_rng(1).standard_normal(count)])
@@ -291,10 +291,10 @@ def test_units_noise_holds_and_order_do_not_change_the_law(tmp_path: Path) -> No
     ):
         assert_found(write(tmp_path / f"unit{i}.csv", rows_of(), head, tuple(scale)), 1e-3)  # type: ignore[arg-type]
     table = rows_of(noise=0.01)
-    held = np.column_stack([np.full(30, table[59, 0]), table[59, 1] * 0.999 ** np.arange(30)])
+    held = np.column_stack([np.full(30, table[42, 0]), table[42, 1] * 0.999 ** np.arange(30)])
     shuffled = np.random.default_rng(3).permutation(table)
     for i, one in enumerate(
-        (table, np.vstack([table[:60], held, table[60:]]), shuffled, table[::-1], np.vstack([table, table]))
+        (table, np.vstack([table[:43], held, table[43:]]), shuffled, table[::-1], np.vstack([table, table]))
     ):
         assert_found(write(tmp_path / f"{i}.csv", one), 0.05)
     # loading along F = C z, a hold that relaxes, and an unloading after Hertz, without a column of branches
