@@ -60,8 +60,8 @@ def test_the_place_of_the_edge_is_corrected_as_far_as_both_meshes_show_it(apart:
         parts = own + apart * place * rng.standard_normal(), own
         columns = list(zip(parts, edges, chance, strict=True))
         areas = [area * (1.0 + 0.5 * c * rng.standard_normal(9)) - part * x for part, x, c in columns]
-        constant = [[np.full(9, v) for v in values] for values in (edges, chance)]
-        factor, bar = limit_of_area(areas, *constant, np.zeros(9), np.ones(9, dtype=bool))
+        crossed, cut = ([np.full(9, v) for v in values] for values in (edges, chance))
+        factor, bar = limit_of_area(areas, crossed, cut, np.zeros(9), np.ones(9, dtype=bool))
         errors.append([np.mean(areas[1] * by) - area for by in (1.0, factor)])
         inside.append(np.abs(areas[1] * factor - area) <= bar * areas[1])
     before, after = np.sqrt(np.mean(np.square(errors), axis=0))

@@ -35,7 +35,7 @@ from asperity.version import __version__
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 12  # of the files, which other versions refuse
+FORMAT = 13  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
 Arrays = Mapping[str, Array]  # by name, on rank 0
 Field = tuple[str, Indices, Array]  # name, numbers of rows, and the rows of this rank
