@@ -83,7 +83,7 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(cli: Cl
         (("compare", DEMO, "gone.csv"), "--store writes it"),
         (("compare", DEMO, "kept.csv", "--store"), "no folder of a run"),
         (("check", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
-        (("compare", DEMO, str(ROOT / "cases/quick.toml")), "column"),
+        (("compare", DEMO, str(ROOT / "cases/quick.toml")), "as a curve"),
         (("compare", DEMO, DEMO), "the same curve"),
         (("rn", "case.toml"), "there is no command 'rn' (did you mean \"run\"?)"),
         (("dynamics",), "--power-law"),
