@@ -67,7 +67,8 @@ def test_the_next_mesh_has_the_bar_that_is_planned(excess: float, order: float, 
 
     scales, every = [2.0, 1.0], np.ones(3, dtype=bool)
     pair, wanted = Pair(mesh(1.0), mesh(2.0), every), bar(scales) / excess
-    finer = next_step(lambda by: float(np.max(pair.expected(by, [mesh(2.0), mesh(1.0)]))), wanted)
+    expected = pair.expected([mesh(2.0), mesh(1.0)])
+    finer = next_step(lambda by: float(np.max(expected(by))), wanted)
     found = bar([*scales, 1.0 / finer])
     close = 0.85 < found / (MARGIN * wanted) < 1.05
     assert close or (found < MARGIN * wanted and finer < 1.01 * LEAST_STEP) or finer == GREATEST_STEP

@@ -6,7 +6,7 @@ of the error of the load steps, of the waves that a mesh leaves out, and of the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -138,20 +138,28 @@ class Pair:
         """Relative bar of the limit of the force by the waves that the meshes leave out (n,)."""
         return of_limit(self.shares()[0], self.omitted(self.fine), self.omitted(self.coarse))
 
-    def expected(self, finer: float, meshes: Sequence[PressedMesh]) -> Floats:
-        """Relative bar expected of the force on a mesh so much finer than the last one (n,).
+    def expected(self, meshes: Sequence[PressedMesh]) -> Callable[[float], Floats]:
+        """Relative bar (n,) expected of the force on a mesh, by how much finer than the last one it is.
 
         Args:
             meshes: those before it, one of which its limit is found with
         """
-        scale, order = self.fine.scale / finer, USUAL_ORDER + self.singular * (EDGE_ORDER - USUAL_ORDER)
-        other = meshes[partner([*(mesh.scale for mesh in meshes), scale])]
-        weight, share = shares(other.scale / scale, self.singular, orders_of(other.scale))
-        change = (other.scale**order - scale**order) / (self.coarse.scale**order - self.fine.scale**order)
-        spread = share / self.shares()[1] * change * self.force[1]
-        scatter = of_limit(weight, self.cut(self.fine) / finer**AREA_ORDER, self.cut(other))
-        roughness = of_limit(weight, self.omitted(self.fine) / finer**order, self.omitted(other))
-        return np.sqrt(spread**2 + scatter**2 + roughness**2)
+        scales, order = [mesh.scale for mesh in meshes], USUAL_ORDER + self.singular * (EDGE_ORDER - USUAL_ORDER)
+        cut, omitted = ([error(mesh) for mesh in meshes] for error in (self.cut, self.omitted))
+        spread = self.force[1] / self.shares()[1] / (self.coarse.scale**order - self.fine.scale**order)
+
+        def bar(finer: float) -> Floats:
+            scale = scales[-1] / finer
+            other = partner([*scales, scale])
+            weight, share = shares(scales[other] / scale, self.singular, orders_of(scales[other]))
+            parts = (
+                share * spread * (scales[other] ** order - scale**order),
+                of_limit(weight, cut[-1] / finer**AREA_ORDER, cut[other]),
+                of_limit(weight, omitted[-1] / finer**order, omitted[other]),
+            )
+            return np.sqrt(np.sum(np.square(parts), axis=0))
+
+        return bar
 
     def at_force(self, name: str, P_star: Floats) -> tuple[Floats, Floats]:
         """A measure on the coarser and the finer mesh at given forces."""

@@ -259,10 +259,11 @@ def judge(
         if not problem.path_dependent:
             curve = of_elastic_solve(curve)
         verdict = Verdict.of(curve, rows, goal)
+        bar = pair.expected(pressed)
 
         def expected(finer: float) -> float:
             """Bar of the force on a mesh so much finer."""
-            return float(np.max(np.hypot(pair.expected(finer, pressed), left)[pair.judged])) + algebraic
+            return float(np.max(np.hypot(bar(finer), left)[pair.judged])) + algebraic
 
         of_area = next_step(lambda finer: verdict.excess_of_area / finer**EDGE_ORDER, 1.0)
         finer = max(next_step(expected, goal.tolerance), of_area)
