@@ -127,13 +127,13 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
-def assert_same(one: Curve, two: Curve, tolerance: float = 0.0) -> None:
-    """Columns agree to a tolerance times their largest value; those of single points to a hundred times as much."""
+def assert_same(one: Curve, two: Curve, tolerance: float = 0.0, points: float = 100.0) -> None:
+    """Columns agree to a tolerance times their largest value; those of single points to `points` times as much."""
     assert list(one.branch) == list(two.branch)
     whole = ("delta", "force", "area_fraction", "plastic_fraction")
     for name in (*whole, "max_pressure", "max_plastic_strain", "mean_gap", "mean_pressure", "spots", "largest_spot"):
         a, b = getattr(one, name), getattr(two, name)
-        atol = tolerance * (1.0 if name in whole else 100.0) * np.nanmax(np.abs(b), initial=0.0)
+        atol = tolerance * (1.0 if name in whole else points) * np.nanmax(np.abs(b), initial=0.0)
         np.testing.assert_allclose(a, b, rtol=0, atol=atol, err_msg=name)
 
 
