@@ -8,7 +8,7 @@ import warnings
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -400,7 +400,8 @@ def test_the_filters_of_the_caller_decide_what_is_shown_and_not_what_is_recorded
         return (tmp_path / name).read_text()
 
     logging.getLogger("asperity").info("before")
-    for action, shown in (("default", 1), ("ignore", 0)):
+    cases: list[tuple[Literal["default", "ignore"], int]] = [("default", 1), ("ignore", 0)]
+    for action, shown in cases:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter(action)
             before = list(warnings.filters), warnings.showwarning

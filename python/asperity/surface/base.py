@@ -285,7 +285,7 @@ def surface_kinds() -> dict[str, type[Surface]]:
         cls = waiting.pop()
         waiting += cls.__subclasses__()
         if vars(cls).get("kind"):  # an inherited one is that of the base class
-            found[cls.kind] = cls  # type: ignore[type-abstract]
+            found[cls.kind] = cls
     return found
 
 
