@@ -178,8 +178,11 @@ def test_after_the_loading_a_gap_is_moved_and_an_area_multiplied_as_at_its_end()
     np.testing.assert_allclose([gap.error_mean_gap[:3], area.error_area_fraction[:3]], 0.001)
 
 
-def test_on_unloading_the_bar_of_a_stiffness_holds_that_of_the_force() -> None:
-    """The force keeps its bar while it vanishes: where it is as small as its bar, nothing is known of the stiffness."""
+def test_on_unloading_the_bar_of_a_measure_holds_that_of_the_force() -> None:
+    """The force keeps its bar while it vanishes: where it is as small as its bar, nothing is known of the stiffness.
+
+    The gap does not vanish with the contact: its bar stays that of the force times its slope.
+    """
     P = np.array([1.0, 2.0, 3.0, 2.0, 1.0, 0.05, 0.0])
     rows = [
         {"delta": d, "delta_star": d, "force": p, "P_star": p, "branch": "load" if k < 3 else "unload"}
@@ -190,6 +193,8 @@ def test_on_unloading_the_bar_of_a_stiffness_holds_that_of_the_force() -> None:
     assert np.all(found[:3] == 0.0) and found[5] == pytest.approx(stiffness[5])
     part = found[3:6] / stiffness[3:6]
     assert np.all(np.diff(part) > 0.0) and part[0] == pytest.approx(0.1 / 3.0 / 2.0, rel=0.35)
+    gap = shifted(Curve.from_rows(rows), np.full(7, 0.1), 5.0 - P, vanishes=False)
+    np.testing.assert_allclose(gap[3:], 0.1)
 
 
 def test_one_step_and_steps_without_force() -> None:

@@ -284,6 +284,7 @@ def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
     assert size_effect(evidence(**columns, si=True)) is None
     line = size_effect(evidence(**columns, si=True, max_plastic_strain=0.01))
     assert verdict(line) == DOUBTFUL and line.value == pytest.approx(np.sqrt(0.01 * 1e-12 / 4 / np.pi))
+    assert line is not None and ": 28.2 nm, at least 1 µm; " in describe(line.to_dict())
     large = Sphere(L=1.0, radius=2.0)
     assert verdict(size_effect(evidence(large, **columns, si=True, max_plastic_strain=0.01))) == FINE
 

@@ -279,7 +279,7 @@ def with_measure(curve: Curve, name: str, limit: Floats, bar: Floats) -> Curve:
         values = before + (limit - before[loading])[rows]
     else:
         values = before * relative(limit, before[loading], 1.0)[rows]
-    return curve.with_bar(name, values, bar[rows] + shifted(curve, curve.error_P_star, values))
+    return curve.with_bar(name, values, bar[rows] + shifted(curve, curve.error_P_star, values, name != GAP))
 
 
 def slope_bar(curve: Curve, budget: Budget) -> Floats:

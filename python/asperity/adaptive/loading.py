@@ -56,21 +56,24 @@ def rising(values: Floats, by: float = 0.0) -> Flags:
     return values > (1.0 + by) * np.maximum.accumulate(np.append(0.0, values[:-1]))
 
 
-def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
+def shifted(curve: Curve, bar: Floats, values: Floats, vanishes: bool = True) -> Floats:
     """What an error of P* changes in a measure of the contact (n,), on the branches after the first loading.
 
-    There the force keeps its bar while it vanishes, and the measure follows the force: near the end, where the flat
-    lifts off, all of it is unknown.
+    There the force keeps its bar while it vanishes, and the measure follows the force. A measure that vanishes with the
+    contact is therefore unknown as a whole near the end, where the flat lifts off.
 
     Args:
         bar: of P* (n,)
         values: of the measure (n,)
+        vanishes: with the contact, as all measures but the mean gap do
     """
     found = np.zeros(len(curve))
     for begin, end in legs(curve.branch)[1:]:
         leg = slice(begin - 1, end)
         order = np.argsort(curve.P_star[leg])
-        P, value = (np.append(0.0, column[leg][order]) for column in (curve.P_star, values))
+        P, value = curve.P_star[leg][order], values[leg][order]
+        if vanishes:
+            P, value = np.append(0.0, P), np.append(0.0, value)
         ends = (np.interp(curve.P_star + sign * bar, P, value) for sign in (1.0, -1.0))
         found[begin:end] = np.max([np.abs(at - values) for at in ends], axis=0)[begin:end]
     return found

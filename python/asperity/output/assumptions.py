@@ -84,9 +84,18 @@ class Assumption:
         return asdict(self) | {"verdict": self.verdict}
 
 
+def value_and_limit(record: Mapping[str, Any]) -> tuple[str, str]:
+    """Value and limit of a record of summary.json with their unit."""
+    value, limit = (
+        quantity(number, "m", 3) if record["unit"] == "m" else f"{number:.3g} {record['unit']}".rstrip()
+        for number in (record["value"], record["limit"])
+    )
+    return value, limit
+
+
 def describe(record: Mapping[str, Any]) -> str:
     """A record of summary.json in one line for the terminal."""
-    value, limit = (f"{record[name]:.3g} {record['unit']}".rstrip() for name in ("value", "limit"))
+    value, limit = value_and_limit(record)
     return f"{record['name']}: {value}, at {record['bound']} {limit}; {record['advice']}"
 
 

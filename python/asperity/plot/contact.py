@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from asperity.arrays import Array
+from asperity.curve import Curve
 from asperity.output.results import PIXELS, Raster, Results, facets
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
@@ -51,7 +52,7 @@ def surface_map(surface: Surface, unit: str = "m", n: int = 401) -> Figure:
     )  # fmt: skip
     axis.set(xlabel=style.label("$x$", across_unit), ylabel=style.label("$y$", across_unit))
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, handlelength=1)
-    rough = f"$S_q$ = {heights.std() * up:.3g} {up_unit}".rstrip()
+    rough = f"$S_q$ = {surface.statistics().Sq * up:.3g} {up_unit}".rstrip()
     axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
     figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("height above the mean plane", up_unit))
     return figure
@@ -144,7 +145,7 @@ def _around_peak(results: Results, i: int) -> Array:
     """Square around the greatest pressure of a snapshot, four radii of the largest spot wide (2, 2)."""
     top, points = results.top, results.top["points"]
     low, high = points.min(axis=0), points.max(axis=0)
-    row = results.curve.where(results.curve.step == int(top["steps"][i]))
+    row = _row(results, i)
     spot = float(row.largest_spot[0]) if len(row) else np.nan
     half = min(2.0 * np.sqrt(spot / np.pi) if spot > 0.0 else np.inf, float((high - low).min()) / 4.0)
     middle = np.clip(points[top["pressure"][i].argmax()], low + half, high - half)
@@ -153,10 +154,9 @@ def _around_peak(results: Results, i: int) -> Array:
 
 def _title(results: Results, i: int) -> str:
     """Approach, force and number of contact spots of a snapshot."""
-    top = results.top
-    name = str(top["branch"][i])
-    text = f"{'' if name == 'load' else f'{name}ing, '}$\\delta/L$ = {_strain(results, i):.3g}"
-    row = results.curve.where(results.curve.step == int(top["steps"][i]))
+    name = str(results.top["branch"][i])
+    text = f"{'' if name == 'load' else f'{name}ing, '}$\\delta/L$ = {_approach(results, i) / _side(results):.3g}"
+    row = _row(results, i)
     if not len(row):
         return text
     spots = f", {row.spots[0]} spot{'s' if row.spots[0] > 1 else ''}" if row.spots[0] else ""
@@ -236,7 +236,7 @@ def _distribution(axis: Any, results: Results) -> None:
     edges = np.linspace(0.0, highest * scale, BINS + 1)
     axis.hist(np.minimum(pressures, highest) * scale, edges, weights=shares / np.diff(edges)[0], color=style.SKY,
               label=f"{100 * shares.sum():.3g} % in contact")  # fmt: skip
-    row = results.curve.where(results.curve.step == int(top["steps"][i]))
+    row = _row(results, i)
     mean = float(row.mean_pressure[0]) * scale if len(row) else math.nan  # force over area, as in the report
     if math.isfinite(mean):
         axis.axvline(mean, color=style.BLACK, lw=0.8, ls=":", label=f"force over area {mean:.3g} {unit}".rstrip())
@@ -254,9 +254,19 @@ def _levels(top: Any, count: int) -> list[int]:
     return sorted({int(loaded[i]) for i in np.linspace(len(loaded) - 1, 0, count).round().astype(int)})
 
 
-def _strain(results: Results, i: int) -> float:
-    side = results.case["surface"]["L"] if results.case else float(results.top["points"].max())
-    return float(results.top["delta"][i]) / side
+def _row(results: Results, i: int) -> Curve:
+    """Row of the curve in which a snapshot was made; none in a run without a curve."""
+    return results.curve.where(results.curve.step == int(results.top["steps"][i]))
+
+
+def _approach(results: Results, i: int) -> float:
+    """Approach of a snapshot, that of the curve, which is corrected for the error of the mesh [length]."""
+    row = _row(results, i)
+    return float(row.delta[0] if len(row) else results.top["delta"][i])
+
+
+def _side(results: Results) -> float:
+    return float(results.case["surface"]["L"] if results.case else results.top["points"].max())
 
 
 def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
@@ -282,8 +292,8 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
     span = float(np.ptp(z)) or 1.0
     highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
     length, side = results.unit("length"), float(np.ptp(top["points"][:, 0]))
-    approach = quantity(float(top["delta"][i]), length, 3)
-    row, load = results.curve.where(results.curve.step == int(top["steps"][i])), ""
+    approach = quantity(_approach(results, i), length, 3)
+    row, load = _row(results, i), ""
     if len(row):
         load = f" under a load of {quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))},"
     return {

@@ -12,6 +12,7 @@ from typing import Any
 
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
+from asperity.output.assumptions import value_and_limit
 from asperity.output.results import Raster, Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
@@ -54,9 +55,9 @@ def write_report(folder: str | Path) -> Path:
         warnings.insert(0, f"the tolerance is not met: {summary.get('exit_reason', '')}")
     assumptions = [
         {name: record[name] for name in ("name", "verdict", "source", "detail", "advice")}
-        | {"value": f"{record['value']:.3g} {record['unit']}"}
-        | {"limit": f"{'≥' if record['bound'] == 'least' else '≤'} {record['limit']:.3g} {record['unit']}"}
+        | {"value": value, "limit": f"{'≥' if record['bound'] == 'least' else '≤'} {limit}"}
         for record in summary.get("assumptions", [])
+        for value, limit in [value_and_limit(record)]
     ]
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
@@ -116,7 +117,7 @@ def _subject(results: Results) -> Rows:
     rows += [(f"scan, {name}", str(scan[name])) for name in ("file", "channel") if scan.get(name)]
     rows.append(("side of the patch", quantity(surface.L, results.unit("length"))))
     if surface.rough:
-        found = surface.statistics(257)
+        found = surface.statistics()
         rows += [("Sq", quantity(found.Sq, results.unit("length"))), ("rms slope", f"{found.rms_slope:.3g}")]
     rows.append(("Young's modulus", quantity(solid["E"], results.unit("stress"))))
     rows.append(("Poisson's ratio", f"{solid['nu']:.4g}"))
