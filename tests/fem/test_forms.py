@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from element_sample import difference, sample
 from scipy.spatial.transform import Rotation
 
 from asperity.arrays import Array
+from asperity.fem.law_check import OneCell
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -120,6 +122,30 @@ def test_each_form_of_the_logarithm_is_the_twin(cube: BlockMesh, F: Array, force
     history = [before] if force == 1e-12 else []
     assert difference(a.bring(history, u), b.bring(history, u)) < force
     assert difference(a.tangent(u).data, b.tangent(u).data) < tangent
+
+
+def test_the_next_mesh_takes_the_compiled_forms_of_the_last_one(
+    cube: BlockMesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The name of a compiled form does not depend on the constants and variables that the process made before."""
+    from ffcx.codegeneration import jit
+
+    names: list[str] = []
+
+    def noted(*what: Any, make: Any, **how: Any) -> Any:
+        found = make(*what, **how)
+        names.append(found[1].__name__)
+        return found
+
+    for kind in ("compile_forms", "compile_expressions"):
+        monkeypatch.setattr(jit, kind, partial(noted, make=getattr(jit, kind)))
+    for _ in range(2):
+        one = sample(cube, MIXED, forms=True)
+        one.bring([], one.affine(-0.01 * np.eye(3)))
+        one.tangent(one.affine(-0.01 * np.eye(3)))
+        OneCell(MIXED.in_ufl)
+    first, second = np.split(np.array(names), 2)
+    assert first.size > 5 and list(first) == list(second)
 
 
 @pytest.mark.mpi

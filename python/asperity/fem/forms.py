@@ -14,7 +14,7 @@ from asperity.fem.history import History
 from asperity.fem.kernels import ElementKernels, relaxation_of
 from asperity.fem.law_check import doubt_of_points
 from asperity.fem.sparsity import SparsityPattern
-from asperity.fem.weak_form import PointValues, WeakForm
+from asperity.fem.weak_form import Constants, PointValues, WeakForm
 from asperity.laws.definition import SHAPES, USUAL
 from asperity.mesh.element import volumes
 from asperity.model.material import Material
@@ -43,9 +43,7 @@ class FormKernels(ElementKernels):
         self._all = np.arange(len(cell_nodes), dtype=np.int32)
         self._u, state = fem.Function(V), self._given.state
         self._state = PointValues(V.mesh, len(cell_nodes), sum(SHAPES[s] for s in state.values())) if state else None
-        self._constants = {
-            name: fem.Constant(V.mesh, np.float64(value)) for name, value in self._given.constants.items()
-        }
+        self._constants = Constants(V.mesh, self._given.constants)
         self.volumes = volumes(V.mesh.geometry.x, compat.geometry_dofmap(V.mesh)[: len(cell_nodes)])
         self.relaxation = relaxation_of(material)
         self._cell: CellFlow | None = None
@@ -61,7 +59,7 @@ class FormKernels(ElementKernels):
     def _weak_form(self, held: bool) -> WeakForm:
         state, cell = (at and at.function for at in (self._state, self._cell and self._cell.coefficients))
         finite = self._material.finite
-        return WeakForm(self._u, state, self._given, self._constants, self._sparsity, finite, held, cell)
+        return WeakForm(self._u, state, self._given, self._constants.named, self._sparsity, finite, held, cell)
 
     @cached_property
     def _held(self) -> Any:
@@ -166,7 +164,7 @@ class FormKernels(ElementKernels):
         """Set the coefficients of some forms."""
         self._u.x.array[:] = u.ravel()
         if self._given.declared.time:
-            self._constants["dt"].value = self.dt
+            self._constants["dt"] = self.dt
         if self._state is not None:
             self._state.put(self._stored(history))
         if self._cell is not None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.weak_form import compiled, packed, unpacked
+from asperity.fem.weak_form import Constants, compiled, packed, unpacked, variable
 from asperity.laws.definition import KEY, SHAPES, STRENGTH, SYMMETRIC, Law, raising, refuse
 from asperity.runtime.display import brief, show
 
@@ -73,19 +73,20 @@ class OneCell:
 
         self._strain, self._state = at_point(3, 3), at_point(max(self._width, 1))
         self._given = law.constants
-        self._constants = {name: fem.Constant(self._mesh, np.float64(value)) for name, value in self._given.items()}
-        strain, before = ufl.variable(self._strain), unpacked(law, self._state)
+        self._constants = Constants(self._mesh, self._given)
+        named = self._constants.named
+        strain, before = variable(self._strain, 1), unpacked(law, self._state)
         with raising(law.source, "raises"):
             if law.hyperelastic:
-                stress = ufl.diff(_of_shape(law, (), "the energy", law.energy(strain, self._constants)), strain)
+                stress = ufl.diff(_of_shape(law, (), "the energy", law.energy(strain, named)), strain)
                 after, held = {}, stress
             else:
-                stress, after = law.stress(strain, before, self._constants)
+                stress, after = law.stress(strain, before, named)
                 stress = held = _of_shape(law, (3, 3), "the stress", stress)
                 if not isinstance(after, dict) or set(after) != set(before):
                     refuse(law.source, f"returns the state {brief(after)}, not a dictionary of {show(sorted(before))}")
                 if law.declared.elastic is not None:
-                    held, _ = law.stress(strain, before, self._constants, held=True)
+                    held, _ = law.stress(strain, before, named, held=True)
                     held = _of_shape(law, (3, 3), "the elastic stress", held)
             for name, shape in law.state.items():
                 after[name] = _of_shape(law, shape, f"the state {name}", after[name])
@@ -112,7 +113,7 @@ class OneCell:
         self._strain.x.array[:] = np.ravel(strain)
         self._state.x.array[:] = 0.0 if state is None or not self._width else state
         for name, value in (self._given | dict(others or {})).items():
-            self._constants[name].value = value
+            self._constants[name] = value
         found = np.array(self._values.eval(self._mesh, np.zeros(1, dtype=np.int32)), dtype=float).ravel()
         stress, held, rate, after, transposed = np.split(found, [9, 18, 54, 54 + self._width])
         tangent = rate.reshape(6, 6) * np.outer(MANDEL, MANDEL)

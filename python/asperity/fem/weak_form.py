@@ -45,6 +45,38 @@ def compiled(kind: Callable[..., Any], *what: Any) -> Any:
         ) from error
 
 
+class Constants:
+    """Numbers in forms and expressions, which may change after these are compiled.
+
+    They are one vector: UFL sorts the constants of a sum or product by their numbers as text, "10" before "9", and a
+    form would be compiled again in each process that made another number of constants before.
+
+    Attributes:
+        named: scalar of UFL by name, a component of one constant
+    """
+
+    def __init__(self, mesh: Any, values: Mapping[str, float]) -> None:
+        from dolfinx import fem
+
+        self._place = {name: i for i, name in enumerate(values)}
+        self._vector = fem.Constant(mesh, np.array([*values.values(), 0.0]))
+        self.named = {name: self._vector[i] for name, i in self._place.items()}
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self._vector.value[self._place[name]] = value
+
+
+def variable(expression: Any, number: int) -> Any:
+    """Variable of UFL, to differentiate by; `number`, from 1, is its own among the variables of a form.
+
+    UFL counts the variables of a process, and the count is part of the name of a compiled form: the form of the next
+    mesh would be compiled again. Counts of UFL are not negative, so those in the law of a user differ.
+    """
+    from ufl.classes import Label, Variable
+
+    return Variable(expression, Label(-number))
+
+
 def measure(mesh: Any, degree: int = QUADRATURE_DEGREE) -> Any:
     """Integral over the block by the rule of the elements."""
     import ufl
@@ -148,15 +180,15 @@ class WeakForm:
         import ufl
 
         self._u, self._law, self._sparsity, self._finite, self.held = u, law, sparsity, finite, held
-        self._F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
+        self._F = variable(ufl.Identity(3) + ufl.grad(u), 1)
         self._log = _LogStrain(ufl.grad(u)) if finite else None
-        self._strain = strain = ufl.variable(self._log.strain if self._log else ufl.sym(ufl.grad(u)))
+        self._strain = strain = variable(self._log.strain if self._log else ufl.sym(ufl.grad(u)), 2)
         if law.hyperelastic:
             self._energy = law.energy(self._F, parameters)
             self._nominal = ufl.diff(self._energy, self._F)
             return
         if cell is not None:
-            self._relief = ufl.variable(cell[3])
+            self._relief = variable(cell[3], 3)
             permanent = cell[0] + (1.0 - cell[2]) * (ufl.tr(strain) - cell[1] - cell[0])
             strain = strain - permanent / 3.0 * ufl.Identity(3)
             parameters = parameters | {STRENGTH: parameters[STRENGTH] - law.unit * self._relief}
