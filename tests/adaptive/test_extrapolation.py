@@ -204,3 +204,17 @@ def test_one_step_and_steps_without_force() -> None:
     assert loading_force(Curve.from_rows(rows), np.array([0.25])) == pytest.approx([0.25])
     assert loading_force(Curve.from_rows(rows), np.array([0.05, 0.6])) == pytest.approx([0.025, 0.6])
     assert np.isnan(loading_force(Curve.from_rows(rows[:1]), np.array([0.1])))
+
+
+def test_no_more_flows_than_at_a_step_before() -> None:
+    """A contact that nearly fills the patch: near the last channel the bar of the area says nothing of the flow."""
+
+    def pressed(scale: float) -> PressedMesh:
+        curve, area = rows(1.0, 0.0), np.array([0.6, 0.9, 0.9001])
+        flow = {"transmissivity_x": np.array([1e-9, 1e-12, 0.0])}
+        curve = replace(curve, area_fraction=area, error_area_fraction=0.02 * area, edge_fraction=0.1 * area, **flow)
+        return PressedMesh(scale, 1, curve, omission())
+
+    curve, _ = corrected(pressed(1.0), pressed(2.0))
+    value, bar = curve.transmissivity_x, curve.error_transmissivity_x
+    assert value[2] == 0.0 < bar[2] and np.all(bar[1:] <= (value + bar)[:-1])

@@ -246,7 +246,8 @@ def flow_limit(pair: Pair, curve: Curve, name: str, coarse: Floats, fine: Floats
 
     Where the last channels close, the flow may change by more than its size: the bar is that of the logarithm, upwards.
     It holds what the bar of the area makes of the flow, by their slope along the curve. Where one of the meshes is
-    closed, the flow may be anything up to what goes through the other one.
+    closed, the flow may be anything up to what goes through the other one. It falls along the loading: no bar exceeds
+    the flow of a step before with its bar.
     """
     first = curve.loading()
     factor, bar = pair.limit(coarse, fine, FLOW_ORDERS)
@@ -258,7 +259,8 @@ def flow_limit(pair: Pair, curve: Curve, name: str, coarse: Floats, fine: Floats
     for pressed in (pair.coarse.curve.loading(), pair.fine.curve.loading()):
         last = np.max(pressed.P_star[getattr(pressed, name) > 0.0], initial=0.0)
         bar = np.where(last < first.P_star, np.maximum(bar, 1.0), bar)
-    return factor * fine, bar * factor * fine
+    value, bar = factor * fine, bar * factor * fine
+    return value, np.minimum(bar, np.minimum.accumulate(value + bar))
 
 
 LIMITS = {
