@@ -211,10 +211,21 @@ def test_no_more_flows_than_at_a_step_before() -> None:
 
     def pressed(scale: float) -> PressedMesh:
         curve, area = rows(1.0, 0.0), np.array([0.6, 0.9, 0.9001])
-        flow = {"transmissivity_x": np.array([1e-9, 1e-12, 0.0])}
-        curve = replace(curve, area_fraction=area, error_area_fraction=0.02 * area, edge_fraction=0.1 * area, **flow)
+        curve = replace(curve, area_fraction=area, error_area_fraction=0.02 * area, edge_fraction=0.1 * area)
+        curve = replace(curve, transmissivity_x=np.array([1e-9, 1e-12, 0.0]))
         return PressedMesh(scale, 1, curve, omission())
 
     curve, _ = corrected(pressed(1.0), pressed(2.0))
     value, bar = curve.transmissivity_x, curve.error_transmissivity_x
     assert value[2] == 0.0 < bar[2] and np.all(bar[1:] <= (value + bar)[:-1])
+
+
+def test_a_flow_at_one_step_alone_has_a_bar() -> None:
+    """The meshes close between the first steps: no law of the flow over the force is known."""
+
+    def pressed(scale: float, flow: list[float]) -> PressedMesh:
+        return PressedMesh(scale, 1, replace(rows(1.0, 0.0), transmissivity_x=np.array(flow)), omission())
+
+    curve, _ = corrected(pressed(1.0, [2e-12, 0.0, 0.0]), pressed(2.0, [5e-12, 1e-12, 0.0]))
+    assert curve.transmissivity_x == pytest.approx([2e-12, 0.0, 0.0])
+    assert curve.error_transmissivity_x == pytest.approx([5e-12, 5e-12, 1e-12])

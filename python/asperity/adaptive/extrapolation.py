@@ -190,10 +190,8 @@ def correct(
         coarse, fine = pair.at_force(name, first.P_star)
         if np.isfinite(coarse).all() and np.nanmax(fine, initial=0.0) > 0.0:
             curve = with_measure(curve, name, *LIMITS.get(name, stiffness_limit)(pair, curve, name, coarse, fine))
-        elif name in ThinFilm.columns and not any(
-            np.any(getattr(mesh.curve, name)) for mesh in (pair.coarse, pair.fine)
-        ):
-            curve = curve.with_bar(name, getattr(curve, name), np.zeros(len(curve)))  # closed from the first touch on
+        elif name in ThinFilm.columns:
+            curve = curve.with_bar(name, getattr(curve, name), closed_bar(pair, name))
     pressure = relative(curve.P_star, raw.P_star, 1.0) / relative(curve.area_fraction, raw.area_fraction, 1.0)
     curve = replace(curve, mean_pressure=raw.mean_pressure * pressure)
     return curve.with_bar("k_n", curve.k_n, slope_bar(curve, budget)), budget
@@ -261,6 +259,21 @@ def flow_limit(pair: Pair, curve: Curve, name: str, coarse: Floats, fine: Floats
         bar = np.where(last < first.P_star, np.maximum(bar, 1.0), bar)
     value, bar = factor * fine, bar * factor * fine
     return value, np.minimum(bar, np.minimum.accumulate(value + bar))
+
+
+def closed_bar(pair: Pair, name: str) -> Floats:
+    """Bar of a flow that a mesh has at one step of the loading at most (rows,); NaN where a later branch opens it.
+
+    The flow falls along the loading: it is no more than the meshes have at the step before.
+    """
+    flows = [getattr(mesh.curve, name) for mesh in (pair.coarse, pair.fine)]
+    if not any(map(np.any, flows)):
+        return np.zeros(len(flows[1]))  # closed from the first touch on
+    loading, coarse = pair.fine.curve.branch == "load", pair.coarse.curve.loading()
+    greatest = np.maximum(np.interp(pair.at, coarse.delta_star, getattr(coarse, name)), flows[1][loading])
+    bar = np.full(len(loading), np.nan)
+    bar[loading] = np.append(greatest[:1], greatest[:-1])
+    return bar
 
 
 LIMITS = {
