@@ -244,6 +244,25 @@ def test_oliver_and_pharr_return_the_modulus(tool: Surface) -> None:
     assert abs(found.modulus - ELASTIC.reduced_modulus) < 2.0 * found.error_modulus
 
 
+@pytest.mark.parametrize(
+    ("tool", "height"),
+    [
+        (Pyramid(L=1.0, faces=3, angle=86.0), 1.0),
+        (Pyramid(L=1.0, faces=4, angle=87.0), 1.0),
+        (Sphere(L=1.0, radius=2.0, shape="paraboloid"), 0.3),
+    ],
+    ids=["three faces", "four faces", "thin block"],
+)
+def test_the_bar_of_the_modulus_holds_the_shape_of_the_tip_and_the_block(tool: Surface, height: float) -> None:
+    problem = Problem.of(
+        PLANE, ELASTIC, tool=tool, delta_max=0.01, steps=2, unload_steps=8, unload_to=0.4, size=MeshSize(0.03),
+        height=height,
+    )  # fmt: skip
+    found = indentation_of(problem, solve_contact(problem, comm=here()).curve)
+    assert found is not None
+    assert abs(found.modulus - ELASTIC.reduced_modulus) < found.error_modulus < 0.12 * found.modulus
+
+
 CASE: dict[str, Any] = {
     "surface": {"kind": "flat", "L": 1e-5},
     "tool": {"kind": "cone", "half_angle": 80.0},

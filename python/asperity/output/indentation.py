@@ -14,8 +14,10 @@ from asperity.reference.halfspace import added_to_spot
 from asperity.surface import Pyramid, Surface
 from asperity.surface.shapes import Indenter
 
-#: Factor of the stiffness of a punch of three and of four sides (King, Int. J. Solids Struct. 23 (1987) 1657).
-BETA = {3: 1.034, 4: 1.012}
+#: Factor of the stiffness by the faces of a pyramid: of a flat punch with as many sides, as after much flow (King, Int.
+#: J. Solids Struct. 23 (1987) 1657), and of the pyramid on an elastic half-space
+BETA = {3: (1.034, 1.175), 4: (1.012, 1.077)}
+OF_BLOCK = 0.1  # error of the compliance of the block over it: contacts to 0.28 L^2, blocks of 0.3 L and more
 UPPER, HIGHER = 0.49, 0.61  # least force over the greatest one, of the rows that are fitted, and of those of the bar
 FEWEST = 4  # rows
 
@@ -75,24 +77,25 @@ def indentation_of(problem: Problem, curve: Curve) -> Indentation | None:
     if spot is None or spot_of(problem.composite) is None or not len(curve):
         return None
     unit = added_by_block(problem, float(curve.area_fraction[int(curve.force.argmax())]))
-    beta = BETA[problem.rigid.faces] if isinstance(problem.rigid, Pyramid) else 1.0
+    beta = BETA[problem.rigid.faces] if isinstance(problem.rigid, Pyramid) else (1.0, 1.0)
     compliance = unit / (L * problem.material.reduced_modulus)
     return oliver_pharr(curve, L, beta=beta, compliance=compliance, whole=spot[1]) if unit == unit else None
 
 
 def oliver_pharr(
-    curve: Curve, side: float, *, beta: float = 1.0, compliance: float = 0.0, whole: float = 1.0
+    curve: Curve, side: float, *, beta: tuple[float, float] = (1.0, 1.0), compliance: float = 0.0, whole: float = 1.0
 ) -> Indentation | None:
     """Hardness and modulus of an indentation, E' = sqrt(pi)/2 S/(beta sqrt(A)); None without a first unloading.
 
     Oliver & Pharr, J. Mater. Res. 7 (1992) 1564: the upper half of the unloading follows B (delta - delta_f)^m, whose
     slope at its beginning is the stiffness S. A is the area of contact of the curve, not one by the shape of the tip.
-    The bar has the error of the area, that of the force, and what the upper of these rows alone change in the slope.
+    The bar has the error of the area, that of the force, what the upper of these rows alone change in the slope, and a
+    tenth of what the compliance changes; half the range of beta, at whose end an elastic solid is, adds to it.
 
     Args:
         curve: with a first unloading
         side: of the patch [length]
-        beta: factor of the shape of the tip, 1 for one of revolution
+        beta: least and greatest factor of the shape of the tip, 1 for one of revolution; their mean counts
         compliance: of all but a half-space, as of a block of finite height [length/force]
         whole: tips over the part of one on the patch
 
@@ -118,11 +121,12 @@ def oliver_pharr(
     top = int(np.argmax(curve.force))
     of_area = float(np.nan_to_num(unloading.error_area_fraction[0] / unloading.area_fraction[0]))
     of_force = float(np.nan_to_num(curve.bar("P_star", top)))
-    modulus = 0.5 * sqrt(pi * whole / area) * slope / beta
-    bar = hypot(0.5 * of_area, of_force, other / slope - 1.0)
+    middle, of_shape = 0.5 * sum(beta), (beta[1] - beta[0]) / sum(beta)
+    modulus = 0.5 * sqrt(pi * whole / area) * slope / middle
+    bar = of_shape + hypot(0.5 * of_area, of_force, other / slope - 1.0, OF_BLOCK * slope * compliance)
     hardness = force / area
     return Indentation(
-        hardness, hardness * hypot(of_area, of_force), modulus, modulus * bar, slope, end, exponent, beta
+        hardness, hardness * hypot(of_area, of_force), modulus, modulus * bar, slope, end, exponent, middle
     )
 
 
