@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from math import inf, log, prod
 from operator import add
@@ -19,7 +20,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField, size_field
 from asperity.model.settings import H_MAX, AccuracyTarget, MeshSize
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.solve_problem import Callbacks, solve_problem
+from asperity.quasistatic.solve_problem import Callbacks, follow_rest, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
@@ -232,6 +233,7 @@ class LevelSolver:
     """
 
     _family: MeshFamily  # on rank 0
+    _rest: Callable[[ContactResult], ContactResult]  # of the load path of the last result
 
     def __init__(
         self, problem: Problem, guide: Guide | None, goal: AccuracyTarget, comm: MPI.Comm, hooks: Callbacks
@@ -247,7 +249,7 @@ class LevelSolver:
         self.meshes.append(on_root_bcast(self._comm, lambda: self._family.next(self.meshes, finer)))
 
     def press(self, substeps: int = 1) -> ContactResult:
-        """Curve on the last mesh, each load step in so many parts."""
+        """First loading on the last mesh, each load step in so many parts; see `finish`."""
         start, mesh, comm, problem, hooks = perf_counter(), self.meshes[-1], self._comm, self.problem, self._hooks
         if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
             name = f"level-{len(self.levels) + 1}-{mesh.scale:.6g}-{substeps}"
@@ -258,14 +260,28 @@ class LevelSolver:
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=mesh.h))
         block = self._family.block if comm.rank == 0 else None
-        result = solve_problem(problem, block=block, comm=comm, hooks=hooks, checked=False)
-        # facets that miss waves have another mean height than the surfaces; that of the summit is exact
-        top, exact = result.solver.contact_surface, problem.height + problem.rigid.mean()
-        plane = problem.surface.L * top.mean(top.heights) - exact
-        result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
+        loading = 1 + bool(problem.schedule.hold_steps)
+        result = solve_problem(problem, block=block, comm=comm, hooks=hooks, checked=False, legs=loading)
+        self._rest = partial(follow_rest, problem, hooks=hooks)
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(mesh.h, result.dofs, substeps, seconds))
-        return result
+        return self._level(result)
+
+    def finish(self, result: ContactResult) -> ContactResult:
+        """The last result of `press` with the rest of its load path, which no other mesh is compared along."""
+        start, level = perf_counter(), self.levels[-1]
+        result = self._rest(result)
+        self.levels[-1] = replace(level, seconds=level.seconds + perf_counter() - start)
+        return self._level(result)
+
+    def _level(self, result: ContactResult) -> ContactResult:
+        """Result with the gap from the mean plane of the surfaces.
+
+        Facets that miss waves have another mean height than these; that of the summit is exact.
+        """
+        problem, top = self.problem, result.solver.contact_surface
+        plane = problem.surface.L * top.mean(top.heights) - (problem.height + problem.rigid.mean())
+        return replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
 
     def left_out(self, result: ContactResult) -> Omission:
         """What the top of the mesh of a result leaves out."""

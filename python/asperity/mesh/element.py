@@ -190,7 +190,8 @@ def triangles_at(x: Floats, y: Floats, points: Floats, triangles: Indices) -> In
     lowest, highest = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
     of, row = _ranges(np.searchsorted(y, lowest), np.searchsorted(y, highest, "right"))
     cuts = np.full((3, len(of)), np.nan)
-    for cut, start, end in zip(cuts, corners[of].swapaxes(0, 1), np.roll(corners, -1, axis=1)[of].swapaxes(0, 1)):
+    for k, cut in enumerate(cuts):
+        start, end = corners[of, k], corners[of, k - 1]
         rise = end[:, 1] - start[:, 1]
         share = np.divide(y[row] - start[:, 1], rise, out=np.full(len(of), -1.0), where=rise != 0.0)
         np.copyto(cut, start[:, 0] + share * (end - start)[:, 0], where=(share >= 0.0) & (share <= 1.0))
