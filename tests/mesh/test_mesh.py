@@ -138,7 +138,7 @@ def test_a_quadratic_top_is_exact() -> None:
 def test_points_of_a_grid_find_the_triangle_that_holds_them() -> None:
     """Triangles of very unlike sizes; lines of the grid pass through nodes, edges lie on them, a part is outside."""
     rng = np.random.default_rng(3)
-    x, y = np.linspace(-0.1, 1.0, 45), np.linspace(0.0, 1.0, 41)
+    x, y = np.arange(-4, 41) / 40.0, np.arange(41) / 40.0
     nodes = np.stack(np.meshgrid(x[4::8], y[::8]), axis=-1).reshape(-1, 2)
     points = np.concatenate([rng.random((400, 2)) ** 3, nodes])
     corners = Delaunay(points)
