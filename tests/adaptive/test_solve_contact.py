@@ -14,13 +14,15 @@ from conftest import ELASTIC, PLASTIC, here, world
 from html_page import Page
 
 import asperity as asp
-from asperity.adaptive.limits import LEAST_STEP
-from asperity.adaptive.meshes import DOFS_ORDER
+from asperity.adaptive.guide import guide_of
+from asperity.adaptive.limits import LEAST_RATIO, LEAST_STEP
+from asperity.adaptive.meshes import DOFS_ORDER, MeshFamily
 from asperity.adaptive.solve_contact import refine, solve_contact
 from asperity.case import Case
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import Interrupted, ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves
+from asperity.mesh.size_field import SizeField, size_field
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
@@ -342,6 +344,22 @@ def test_no_room_for_more_than_the_first_mesh_leaves_its_curve() -> None:
         target = AccuracyTarget(0.1, max_dofs=dofs)
         solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5, unload_steps=2)
     assert caught.value.result.complete and len(caught.value.result.curve) == 5 + 2
+
+
+def test_the_coarsest_mesh_is_found_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a tiny contact are few elements: fifty meshes from the wanted to the coarsest one have about the same dofs."""
+    tried: list[int] = []
+
+    def counted(*args: Any) -> SizeField:
+        tried.append(1)
+        return size_field(*args)
+
+    monkeypatch.setattr("asperity.adaptive.meshes.size_field", counted)
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
+    problem = Problem.of(sphere, ELASTIC, delta_max=1e-7, steps=5)
+    family = MeshFamily(problem, guide_of(problem), 5000)
+    first = family.next([])
+    assert len(tried) <= 3 and 5000 / LEAST_RATIO**DOFS_ORDER < first.dofs == 3 * len(family.block.points)
 
 
 def test_one_mesh_that_misses_waves_is_told() -> None:

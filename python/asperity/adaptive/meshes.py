@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Size = Callable[[float, float, float], float]
 
 DOFS_ORDER = 2.0  # dofs and time grow as scale^-2, for the contact alone is refined
-GROWTH = 0.4  # growth of the element size around the contact at scale 1
+GROWTH, STEEPEST = 0.4, 10.0  # growth of the element size around the contact at scale 1, and at most
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
 NODES, NODES_OF_SURFACE = 3.1, 7.9
@@ -120,7 +120,7 @@ class MeshFamily:
         if meshes:
             last = meshes[-1]
             wanted = last.scale / finer if finer else min(FIRST, last.scale) / RATIO
-            scale, dofs = self._finest(wanted, last.scale, self._most)
+            scale, dofs = self._finest(wanted, last.scale, self._most, room=True)
         else:  # the coarsest has its greatest size everywhere
             scale, dofs = self._finest(
                 FIRST, H_MAX / float(self._guide.sizes.min()), self._most / LEAST_RATIO**DOFS_ORDER
@@ -135,18 +135,23 @@ class MeshFamily:
             )
         return PlannedMesh(scale, self.size(scale).h_contact or 0.0, dofs)
 
-    def _finest(self, scale: float, coarsest: float, most: float) -> tuple[float, int]:
+    def _finest(self, scale: float, coarsest: float, most: float, room: bool = False) -> tuple[float, int]:
         """Scale and dofs of the finest mesh that is no larger than allowed, or of the coarsest one tried.
 
         Args:
             scale, most: scale that is wanted, and dofs that are allowed
             coarsest: scale from which on no coarser one is tried
+            room: whether the coarsest is no larger than allowed
         """
         passes = [(most, self.dofs)]
         if not self._counted:  # no mesh is made that is much too large
             passes = [(1.5 * most, self.dofs), (most, self.make)]
         for allowed, dofs_at in passes:
             dofs, order = dofs_at(scale, 4.0 * most), DOFS_ORDER
+            if dofs > allowed and not room:  # the dofs of coarse meshes hardly fall: a search would try hundreds
+                if (least := passes[-1][1](coarsest, inf)) > most:
+                    return coarsest, least
+                room = True
             while dofs > allowed and scale < coarsest:
                 finer, before = scale, dofs
                 scale = min(1.02 * scale * (dofs / allowed) ** (1.0 / order), coarsest)
@@ -166,7 +171,7 @@ class MeshFamily:
 
     def size(self, scale: float) -> MeshSize:
         """Element sizes of a mesh; the greatest is H_MAX on the coarsest first mesh."""
-        L, growth, part = self._problem.surface.L, GROWTH * scale**0.5, min(1.0, scale / FIRST)
+        L, growth, part = self._problem.surface.L, min(GROWTH * scale**0.5, STEEPEST), min(1.0, scale / FIRST)
         widest, most = H_MAX * part**0.5, H_MAX * part
         sizes = np.where(np.isfinite(self._guide.sizes), np.minimum(scale * self._guide.sizes, most), np.inf)
         h = float(sizes[np.isfinite(sizes)].max())
