@@ -14,13 +14,15 @@ from conftest import ELASTIC, PLASTIC, here, world
 from html_page import Page
 
 import asperity as asp
-from asperity.adaptive.limits import LEAST_STEP
-from asperity.adaptive.meshes import DOFS_ORDER
+from asperity.adaptive.guide import guide_of
+from asperity.adaptive.limits import LEAST_RATIO, LEAST_STEP
+from asperity.adaptive.meshes import DOFS_ORDER, MeshFamily
 from asperity.adaptive.solve_contact import refine, solve_contact
 from asperity.case import Case
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import Interrupted, ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves
+from asperity.mesh.size_field import SizeField, size_field
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
@@ -98,20 +100,25 @@ def test_all_bars_hold_against_a_half_space_that_knows_of_no_mesh(
     json.dumps(result.to_dict(), allow_nan=False)
 
 
-def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
-    """It takes effect before the next mesh."""
+@pytest.mark.parametrize(
+    ("at", "of_area", "rows"), [("half-space estimate, roughness of mesh", 1e-3, 5), ("mesh 2: rest of the", None, 5)]
+)
+def test_a_stop_while_a_mesh_is_judged_keeps_its_curve(at: str, of_area: float | None, rows: int) -> None:
+    """It takes effect before the next mesh, or before the unloading."""
 
     def stage(name: str) -> None:
-        if name.startswith("half-space estimate, roughness of mesh"):
+        if name.startswith(at):
             stopped.append(name)
         if stopped:
             raise Interrupted(f"stopped by the test before the load path (next: {name})")
 
     stopped: list[str] = []
-    problem = Problem.of(surface_of(4, lambda_short=0.1), ELASTIC, delta_max=0.02, steps=5)
+    problem = Problem.of(surface_of(4, lambda_short=0.1), ELASTIC, delta_max=0.02, steps=5, unload=True)
     with pytest.raises(PartialResult, match="stopped by the test") as e:
-        refine(problem, asp.AccuracyTarget(0.1, area_tolerance=1e-3), hooks=Callbacks(on_stage=stage))
-    assert len(stopped) == 1 and np.isfinite(e.value.result.curve.error_P_star).all()
+        refine(problem, asp.AccuracyTarget(0.1, area_tolerance=of_area), hooks=Callbacks(on_stage=stage))
+    assert isinstance(e.value.__cause__, Interrupted)
+    error = e.value.result.curve.error_P_star
+    assert len(stopped) == 1 and len(error) == rows and np.isfinite(error).all()
 
 
 def test_coarse_meshes_that_are_not_touched_lead_to_finer_ones() -> None:
@@ -207,9 +214,21 @@ def test_joint_and_slip_may_stand_under_the_force_of_the_path(recwarn: pytest.Wa
 
 
 def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
-    """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there."""
-    result = solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.3), delta_max=0.02, steps=3, unload_steps=2)
+    """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there.
+
+    The mesh goes on where it was judged: its path is one. No other mesh unloads.
+    """
+    branches: list[str] = []
+    path: dict[str, Any] = {"delta_max": 0.02, "unload_steps": 2}
+    result = solve_contact(
+        bump(), PLASTIC, tolerance=AccuracyTarget(0.3), steps=3, **path,
+        on_step=lambda rows, part: branches.append(rows[-1]["branch"]),
+    )  # fmt: skip
     curve, raw = result.curve, result.raw
+    assert len(result.levels) > 2 and branches.count("unload") == 2
+    problem = Problem.of(bump(), PLASTIC, steps=6, substeps=result.levels[-1].substeps, **path)
+    straight = solve_problem(problem, block=result.contact.block).curve
+    np.testing.assert_allclose(raw.P_star, straight.P_star, rtol=1e-12)
     last = int(np.flatnonzero(curve.branch == "load")[-1])
     assert result.met and curve.branch[last + 1] == "unload"
     np.testing.assert_allclose(curve.P_star[last:] * raw.P_star[last], raw.P_star[last:] * curve.P_star[last])
@@ -253,9 +272,12 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
 
     monkeypatch.setattr("asperity.adaptive.meshes.solve_problem", solve)
     target = AccuracyTarget(0.05, area_tolerance=1e-4)
-    result = solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5, on_curve=curves.append)
-    assert not result.met and len(result.levels) == 2 and len(curves) == 1
-    np.testing.assert_array_equal(result.curve.error_P_star, curves[0].error_P_star)
+    result = solve_contact(
+        SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5, unload_steps=2, on_curve=curves.append
+    )
+    assert not result.met and len(result.levels) == 2 and len(curves) == 1 and result.contact.complete
+    np.testing.assert_allclose(result.curve.error_P_star[:5], curves[0].error_P_star, rtol=1e-6)
+    assert result.curve.branch[5:].tolist() == ["unload", "unload"]
     assert "no step converges beyond delta/L = 0.01, use more loading.steps" in result.reason
     assert (
         result.contact.solver is results[1].solver and results[1].solver.step(0.011).converged
@@ -319,8 +341,25 @@ def test_no_room_for_more_than_the_first_mesh_leaves_its_curve() -> None:
         solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=1000), delta_max=0.01, steps=5)
     dofs = int(re.findall(r"has (\d+) dofs", str(refused.value))[0])
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:
-        solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
-    assert len(caught.value.result.curve) == 5
+        target = AccuracyTarget(0.1, max_dofs=dofs)
+        solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5, unload_steps=2)
+    assert caught.value.result.complete and len(caught.value.result.curve) == 5 + 2
+
+
+def test_the_coarsest_mesh_is_found_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a tiny contact are few elements: fifty meshes from the wanted to the coarsest one have about the same dofs."""
+    tried: list[int] = []
+
+    def counted(*args: Any) -> SizeField:
+        tried.append(1)
+        return size_field(*args)
+
+    monkeypatch.setattr("asperity.adaptive.meshes.size_field", counted)
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
+    problem = Problem.of(sphere, ELASTIC, delta_max=1e-7, steps=5)
+    family = MeshFamily(problem, guide_of(problem), 5000)
+    first = family.next([])
+    assert len(tried) <= 3 and 5000 / LEAST_RATIO**DOFS_ORDER < first.dofs == 3 * len(family.block.points)
 
 
 def test_one_mesh_that_misses_waves_is_told() -> None:

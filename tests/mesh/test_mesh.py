@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import here, make_block, make_contact_solver, top_of, world
+from scipy.spatial import Delaunay
 
 from asperity.arrays import Indices
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh, heights_of_top
 from asperity.mesh.distribute import check_distortion, distribute
-from asperity.mesh.element import outer_faces
+from asperity.mesh.element import outer_faces, shares, triangles_at
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
@@ -132,6 +133,21 @@ def test_a_quadratic_top_is_exact() -> None:
     c = (np.arange(n) + 0.5) * 2.0 / n
     found = heights_of_top(top_of(replace(block, points=points), Quadratic(L=2.0)), Quadratic(L=2.0), n)
     np.testing.assert_allclose(found, f(c[None, :], c[:, None]) / 2.0, atol=1e-13)
+
+
+def test_points_of_a_grid_find_the_triangle_that_holds_them() -> None:
+    """Triangles of very unlike sizes; lines of the grid pass through nodes, edges lie on them, a part is outside."""
+    rng = np.random.default_rng(3)
+    x, y = np.arange(-4, 41) / 40.0, np.arange(41) / 40.0
+    nodes = np.stack(np.meshgrid(x[4::8], y[::8]), axis=-1).reshape(-1, 2)
+    points = np.concatenate([rng.random((400, 2)) ** 3, nodes])
+    corners = Delaunay(points)
+    found = triangles_at(x, y, points, corners.simplices)
+    at = np.stack(np.meshgrid(x, y), axis=-1)
+    inside = np.all((at >= points.min(axis=0)) & (at <= points.max(axis=0)), axis=-1)
+    assert np.array_equal(found >= 0, inside) and 0 < np.count_nonzero(~inside) < inside.sum()
+    of = points[corners.simplices[found[inside]]]
+    assert shares(at[inside], *of.swapaxes(0, 1)).min() > -1e-9
 
 
 # --- sizes ----------------------------------------------------------------------------------------------------

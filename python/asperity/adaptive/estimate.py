@@ -173,8 +173,8 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
     return Estimate(levels, (first, *[share] * (ranks - 1)), depth, str(kinematics), bar, tolerance, others)
 
 
-def _steps(problem: Problem, substeps: int = 1) -> int:
-    """Load steps of a problem, those of its unloadings too, in so many equal parts of each step of a loading.
+def _steps(problem: Problem, substeps: int = 1, legs: int | None = None) -> int:
+    """Load steps of a problem, or of the first legs, in so many equal parts of each step of a loading.
 
     Where a solid yields those to a force are not divided at first: each counts twice, and the search for the end.
     """
@@ -182,7 +182,7 @@ def _steps(problem: Problem, substeps: int = 1) -> int:
     loading = len(schedule.stops())
     if problem.path_dependent and schedule.delta_max is None:
         loading = 2 * (schedule.steps * substeps + 1)
-    return sum(steps if branch in ("hold", "unload") else loading for branch, steps in schedule.legs)
+    return sum(steps if branch in ("hold", "unload") else loading for branch, steps in schedule.legs[:legs])
 
 
 def _plan(
@@ -200,18 +200,18 @@ def _plan(
         while share * (planned * substeps) ** -order >= MARGIN * tolerance and substeps < MOST_SUBSTEPS:
             substeps *= 2
         parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
-    plan, plastic = [(first.h, first.dofs, _steps(problem, n)) for n in parts], problem.material.plastic
+    loading = 1 + bool(problem.schedule.hold_steps)  # legs of all meshes but the last one
+    plan, plastic = [(first.h, first.dofs, _steps(problem, n, loading)) for n in parts], problem.material.plastic
     while True:
         scales = [mesh.scale for mesh in meshes]
         scale, h, dofs = meshes[-1]
-        plan.append((h, dofs, _steps(problem, substeps)))
         cut = FLOWING * family.open_area(scale) if plastic else 0.0
         bar = _bar(scales, cut)
-        if bar <= tolerance:
-            return plan, bar
-        meshes.append(family.next(meshes, next_step(partial(_bar, scales, cut), tolerance)))
-        if scale / meshes[-1].scale < 0.999 * LEAST_STEP:
-            return plan, bar
+        if bar > tolerance:
+            meshes.append(family.next(meshes, next_step(partial(_bar, scales, cut), tolerance)))
+        if bar <= tolerance or scale / meshes[-1].scale < 0.999 * LEAST_STEP:
+            return [*plan, (h, dofs, _steps(problem, substeps))], bar
+        plan.append((h, dofs, _steps(problem, substeps, loading)))
 
 
 def _bar(scales: Sequence[float], cut: float, finer: float = 1.0) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from math import inf, log, prod
 from operator import add
@@ -19,7 +20,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField, size_field
 from asperity.model.settings import H_MAX, AccuracyTarget, MeshSize
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.solve_problem import Callbacks, solve_problem
+from asperity.quasistatic.solve_problem import Callbacks, follow_rest, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 Size = Callable[[float, float, float], float]
 
 DOFS_ORDER = 2.0  # dofs and time grow as scale^-2, for the contact alone is refined
-GROWTH = 0.4  # growth of the element size around the contact at scale 1
+GROWTH, STEEPEST = 0.4, 10.0  # growth of the element size around the contact at scale 1, and at most
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
 NODES, NODES_OF_SURFACE = 3.1, 7.9
@@ -119,7 +120,7 @@ class MeshFamily:
         if meshes:
             last = meshes[-1]
             wanted = last.scale / finer if finer else min(FIRST, last.scale) / RATIO
-            scale, dofs = self._finest(wanted, last.scale, self._most)
+            scale, dofs = self._finest(wanted, last.scale, self._most, room=True)
         else:  # the coarsest has its greatest size everywhere
             scale, dofs = self._finest(
                 FIRST, H_MAX / float(self._guide.sizes.min()), self._most / LEAST_RATIO**DOFS_ORDER
@@ -134,18 +135,23 @@ class MeshFamily:
             )
         return PlannedMesh(scale, self.size(scale).h_contact or 0.0, dofs)
 
-    def _finest(self, scale: float, coarsest: float, most: float) -> tuple[float, int]:
+    def _finest(self, scale: float, coarsest: float, most: float, room: bool = False) -> tuple[float, int]:
         """Scale and dofs of the finest mesh that is no larger than allowed, or of the coarsest one tried.
 
         Args:
             scale, most: scale that is wanted, and dofs that are allowed
             coarsest: scale from which on no coarser one is tried
+            room: whether the coarsest is no larger than allowed
         """
         passes = [(most, self.dofs)]
         if not self._counted:  # no mesh is made that is much too large
             passes = [(1.5 * most, self.dofs), (most, self.make)]
         for allowed, dofs_at in passes:
             dofs, order = dofs_at(scale, 4.0 * most), DOFS_ORDER
+            if dofs > allowed and not room:  # the dofs of coarse meshes hardly fall: a search would try hundreds
+                if (least := passes[-1][1](coarsest, inf)) > most:
+                    return coarsest, least
+                room = True
             while dofs > allowed and scale < coarsest:
                 finer, before = scale, dofs
                 scale = min(1.02 * scale * (dofs / allowed) ** (1.0 / order), coarsest)
@@ -165,7 +171,7 @@ class MeshFamily:
 
     def size(self, scale: float) -> MeshSize:
         """Element sizes of a mesh; the greatest is H_MAX on the coarsest first mesh."""
-        L, growth, part = self._problem.surface.L, GROWTH * scale**0.5, min(1.0, scale / FIRST)
+        L, growth, part = self._problem.surface.L, min(GROWTH * scale**0.5, STEEPEST), min(1.0, scale / FIRST)
         widest, most = H_MAX * part**0.5, H_MAX * part
         sizes = np.where(np.isfinite(self._guide.sizes), np.minimum(scale * self._guide.sizes, most), np.inf)
         h = float(sizes[np.isfinite(sizes)].max())
@@ -232,6 +238,7 @@ class LevelSolver:
     """
 
     _family: MeshFamily  # on rank 0
+    _rest: Callable[[ContactResult], ContactResult]  # of the load path of the last result
 
     def __init__(
         self, problem: Problem, guide: Guide | None, goal: AccuracyTarget, comm: MPI.Comm, hooks: Callbacks
@@ -247,7 +254,7 @@ class LevelSolver:
         self.meshes.append(on_root_bcast(self._comm, lambda: self._family.next(self.meshes, finer)))
 
     def press(self, substeps: int = 1) -> ContactResult:
-        """Curve on the last mesh, each load step in so many parts."""
+        """First loading on the last mesh, each load step in so many parts; see `finish`."""
         start, mesh, comm, problem, hooks = perf_counter(), self.meshes[-1], self._comm, self.problem, self._hooks
         if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
             name = f"level-{len(self.levels) + 1}-{mesh.scale:.6g}-{substeps}"
@@ -258,14 +265,28 @@ class LevelSolver:
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=mesh.h))
         block = self._family.block if comm.rank == 0 else None
-        result = solve_problem(problem, block=block, comm=comm, hooks=hooks, checked=False)
-        # facets that miss waves have another mean height than the surfaces; that of the summit is exact
-        top, exact = result.solver.contact_surface, problem.height + problem.rigid.mean()
-        plane = problem.surface.L * top.mean(top.heights) - exact
-        result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
+        loading = 1 + bool(problem.schedule.hold_steps)
+        result = solve_problem(problem, block=block, comm=comm, hooks=hooks, checked=False, legs=loading)
+        self._rest = partial(follow_rest, problem, hooks=hooks)
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(mesh.h, result.dofs, substeps, seconds))
-        return result
+        return self._level(result)
+
+    def finish(self, result: ContactResult) -> ContactResult:
+        """The last result of `press` with the rest of its load path, which no other mesh is compared along."""
+        start, level = perf_counter(), self.levels[-1]
+        result = self._rest(result)
+        self.levels[-1] = replace(level, seconds=level.seconds + perf_counter() - start)
+        return self._level(result)
+
+    def _level(self, result: ContactResult) -> ContactResult:
+        """Result with the gap from the mean plane of the surfaces.
+
+        Facets that miss waves have another mean height than these; that of the summit is exact.
+        """
+        problem, top = self.problem, result.solver.contact_surface
+        plane = problem.surface.L * top.mean(top.heights) - (problem.height + problem.rigid.mean())
+        return replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
 
     def left_out(self, result: ContactResult) -> Omission:
         """What the top of the mesh of a result leaves out."""

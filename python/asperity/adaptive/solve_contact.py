@@ -24,7 +24,7 @@ from asperity.adaptive.extrapolation import (
     of_elastic_solve,
     without_omission,
 )
-from asperity.adaptive.guide import Guide, guide_of, planned_steps
+from asperity.adaptive.guide import Guide, Omission, guide_of, planned_steps
 from asperity.adaptive.limits import EDGE_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.loading import judged_rows, relative
@@ -183,7 +183,7 @@ def refine(
     try:
         run.refine()
     except InputError as e:
-        raise PartialResult(f"the force has no error bar: {e}", result) from None
+        raise PartialResult(f"the force has no error bar: {e}", run.finish(result)) from None
     result = run.press(path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
@@ -193,7 +193,7 @@ def refine(
         if hooks.on_curve is not None:
             hooks.on_curve(accurate.curve)
         if finer is None:
-            return accurate
+            break
         result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
         try:
             run.refine(finer)
@@ -207,15 +207,38 @@ def refine(
                     f"on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
                     f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
-            return replace(accurate, verdict=accurate.verdict.because(failed))
+            accurate = replace(accurate, verdict=accurate.verdict.because(failed))
+            break
+    return accurate if result.complete else finished(run, accurate, pressed, path, target)
+
+
+def finished(
+    run: LevelSolver, judged: AccurateResult, pressed: Sequence[PressedMesh], path: LoadStepError, goal: AccuracyTarget
+) -> AccurateResult:
+    """What is known of a last mesh by its first loading, with the rest of its load path; collective."""
+
+    def whole(result: ContactResult) -> AccurateResult:
+        last = replace(pressed[-1], curve=corrected(run, result, path, pressed[-1].missed))
+        accurate, _ = judge(run, result, [*pressed[:-1], last], path, goal)
+        return replace(accurate, verdict=replace(accurate.verdict, reason=judged.verdict.reason))
+
+    try:
+        return whole(run.finish(judged.contact))
+    except (PartialResult, Interrupted) as e:
+        result = e.result if isinstance(e, PartialResult) else judged.contact
+        raise PartialResult(str(e), replace(result, curve=whole(result).curve)) from e.__cause__ or e
 
 
 def pressed_mesh(run: LevelSolver, result: ContactResult, path: LoadStepError) -> PressedMesh:
     """The result of the last level, corrected for its load steps and for what its top leaves out; collective."""
-    missed, curve = run.left_out(result), path.removed(result.curve, run.levels[-1].substeps)
-    if not curve.untouched():
-        curve = without_omission(curve, missed, compliance_of(run.problem))
-    return PressedMesh(run.meshes[-1].scale, result.dofs, curve, missed)
+    missed = run.left_out(result)
+    return PressedMesh(run.meshes[-1].scale, result.dofs, corrected(run, result, path, missed), missed)
+
+
+def corrected(run: LevelSolver, result: ContactResult, path: LoadStepError, missed: Omission) -> Curve:
+    """Curve of the last level without the error of its load steps and half of what its top leaves out."""
+    curve = path.removed(result.curve, run.levels[-1].substeps)
+    return curve if curve.untouched() else without_omission(curve, missed, compliance_of(run.problem))
 
 
 def compliance_of(problem: Problem) -> float:

@@ -129,10 +129,13 @@ def destroy_unused(comm: Any) -> None:
     """Destroy the PETSc objects of a communicator to which nothing refers any more; collective.
 
     On several ranks PETSc only puts them aside, since a garbage collector may release them in another order on each.
-    An object that another one holds is released with that, so the second pass takes those of the first.
+    An object that another one holds is released with that, so the second pass takes those of the first. On one rank
+    each is destroyed with its last reference.
     """
     from petsc4py import PETSc
 
+    if comm.size == 1:
+        return
     for _ in range(2):
         gc.collect()
         PETSc.garbage_cleanup(comm)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from asperity.arrays import Flags, Floats, Indices
 from asperity.errors import MeshError
-from asperity.mesh.element import EDGES, NODES, ON_EDGES, at_inside, outer_faces, shares
+from asperity.mesh.element import EDGES, NODES, ON_EDGES, at_inside, outer_faces, shares, triangles_at
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import read_npz, write_npz
 
@@ -196,15 +196,11 @@ def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False, tool
     Returns:
         Heights (n, n), index [iy, ix] [L]. They are those of `surface` at the nodes whose heights are exact.
     """
-    from matplotlib.tri import Triangulation
-
     faces, xy = top.faces, top.points[:, :2]
-    corners, numbers = np.unique(faces[:, :3], return_inverse=True)
-    finder = Triangulation(xy[corners, 0], xy[corners, 1], numbers.reshape(-1, 3)).get_trifinder()
     centres = (np.arange(n) + 0.5) / n
-    x, y = (c.ravel() for c in np.meshgrid(centres, centres))
-    nodes = faces[np.asarray(finder(x, y))]
-    inside = shares(np.column_stack([x, y]), *(xy[nodes[:, k]] for k in range(3)))
+    nodes = faces[triangles_at(centres, centres, xy, faces[:, :3]).ravel()]
+    at = np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2)
+    inside = shares(at, *(xy[nodes[:, k]] for k in range(3)))
     z = top.points[:, 2] + surface.mean() / surface.L
     if tool is not None:
         z = z + tool.height(*(surface.L * xy.T)) / surface.L

@@ -178,6 +178,38 @@ def shares(p: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
     return np.stack([1.0 - second - third, second, third], axis=-1)
 
 
+def triangles_at(x: Floats, y: Floats, points: Floats, triangles: Indices) -> Indices:
+    """Number of the triangle of the plane that holds each point of a grid (ny, nx); -1 where none does.
+
+    Args:
+        x, y: ascending places of the columns and of the rows (nx,), (ny,)
+        points: corners (N, 2)
+        triangles: numbers of the corners of each, none over another (F, 3)
+    """
+    corners = points[triangles]
+    lowest, highest = corners[..., 1].min(axis=1), corners[..., 1].max(axis=1)
+    of, row = _ranges(np.searchsorted(y, lowest), np.searchsorted(y, highest, "right"))
+    cuts = np.full((3, len(of)), np.nan)
+    for k, cut in enumerate(cuts):
+        start, end = corners[of, k], corners[of, k - 1]
+        rise = end[:, 1] - start[:, 1]
+        share = np.divide(y[row] - start[:, 1], rise, out=np.full(len(of), -1.0), where=rise != 0.0)
+        np.copyto(cut, start[:, 0] + share * (end - start)[:, 0], where=(share >= 0.0) & (share <= 1.0))
+    near = 1e-12 * np.ptp(points[:, 0])  # neighbours round a common edge otherwise
+    first = np.searchsorted(x, np.fmin.reduce(cuts) - near)
+    line, column = _ranges(first, np.searchsorted(x, np.fmax.reduce(cuts) + near, "right"))
+    found = np.full((len(y), len(x)), -1)
+    found[row[line], column] = of[line]
+    return found
+
+
+def _ranges(first: Indices, end: Indices) -> tuple[Indices, Indices]:
+    """All numbers from `first` to below `end`, one range after the other, and the number of the range of each."""
+    count = end - first
+    of = np.repeat(np.arange(len(count)), count)
+    return of, np.arange(len(of)) + (first - np.cumsum(count) + count)[of]
+
+
 # -- cells of a mesh -------------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.arrays import Flags, Floats
+from asperity.arrays import Flags, Floats, Integers
 from asperity.model.settings import H_CONTACT, H_MAX, WIDEST_JOINED, MeshSize
 from asperity.runtime.compiled import solver as _solver
 from asperity.surface.base import FLAT
@@ -144,7 +144,11 @@ def _distances(reached: Flags, periodic: bool) -> Floats:
     margin = n // 2 if periodic else 0
     if periodic:
         reached = np.pad(reached[:-1, :-1], (margin, margin + 1), mode="wrap")
-    return np.asarray(distance_transform_edt(~reached)[margin : margin + n, margin : margin + n])
+    nearest: Integers = distance_transform_edt(~reached, return_distances=False, return_indices=True)
+    here = slice(margin, margin + n)
+    down, along = nearest[0, here, here], nearest[1, here, here]
+    place = np.arange(margin, margin + n)
+    return np.asarray(np.sqrt((down - place[:, None]) ** 2 + (along - place) ** 2))
 
 
 def _contact_window(surface: Surface, delta_max: float) -> tuple[float, float, float, Floats]:

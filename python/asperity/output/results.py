@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.mesh.element import at_inside, shares
+from asperity.mesh.element import at_inside, shares, triangles_at
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_npz, read_text
@@ -199,15 +199,12 @@ class Raster:
     """
 
     def __init__(self, top: Any, box: Array | None = None, n: int = PIXELS) -> None:
-        from matplotlib.tri import Triangulation
-
         points, triangles = top["points"], top["triangles"]
         self.top, self.box = top, np.array([points.min(axis=0), points.max(axis=0)]) if box is None else box
-        mesh = Triangulation(points[:, 0], points[:, 1], triangles)
         middles = (np.arange(n) + 0.5) / n
-        at = np.meshgrid(*(low + middles * (high - low) for low, high in self.box.T))
-        found: Any = mesh.get_trifinder()(*at)
-        self._at, self._facets = np.stack(at, axis=-1), found % (len(triangles) // 4)
+        x, y = (low + middles * (high - low) for low, high in self.box.T)
+        found = triangles_at(x, y, points, triangles)
+        self._at, self._facets = np.stack(np.meshgrid(x, y), axis=-1), found % (len(triangles) // 4)
         self._nodes = triangles[found]
         self._shares = shares(self._at, *np.moveaxis(points[self._nodes], 2, 0))
         # of four triangles of a facet three begin at a corner, see `element.FACE_TRIANGLES`

@@ -10,7 +10,8 @@ from asperity.errors import CheckError, ConvergenceError
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
-from asperity.quasistatic.measures import Snapshot, mean_stress
+from asperity.quasistatic.legs import Position
+from asperity.quasistatic.measures import Record, Snapshot, mean_stress
 from asperity.runtime.display import brief
 from asperity.runtime.usage import Phases
 
@@ -28,6 +29,7 @@ class ContactResult:
         snapshots: states of the top kept, this rank's part
         block: the mesh as built on rank 0, None elsewhere
         solver: with the solid in its last state
+        record, position: rows of this rank and place on the load path, for what is left of it
         complete: whether the path was followed to its end
         reason: why it ended
     """
@@ -41,6 +43,8 @@ class ContactResult:
     snapshots: tuple[Snapshot, ...]
     block: BlockMesh | None
     solver: ContactSolver
+    record: Record
+    position: Position
     complete: bool
     reason: str
 

@@ -77,8 +77,7 @@ def make_contact_solver(
     """
     surface, material, sides, L = problem.surface, problem.material, problem.sides, problem.surface.L
     material.check_decided()
-    if comm.size > 1:
-        destroy_unused(comm)  # solvers of earlier runs
+    destroy_unused(comm)  # solvers of earlier runs
     if (law := material.law) is not None:
         on_root(comm, lambda: check_law(law))
     height = comm.bcast(None if block is None else block.height, root=0)

@@ -88,6 +88,7 @@ def solve_problem(
     comm: MPI.Comm | None = None,
     hooks: Callbacks | None = None,
     checked: bool = True,
+    legs: int | None = None,
 ) -> ContactResult:
     """Press the block of a problem with a rigid flat on one mesh, see `solve_contact`; collective over `comm`.
 
@@ -95,6 +96,7 @@ def solve_problem(
         block: a mesh to use instead of making one (on rank 0)
         comm: communicator; default all ranks
         checked: whether a result that violates a balance is an error
+        legs: of the load path to follow, default all; `follow_rest` follows the others
     """
     from mpi4py import MPI
 
@@ -134,35 +136,58 @@ def solve_problem(
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     if saved is not None:
         saved.refuse_other_columns(solver, len(problem.schedule.legs))
-    position = None if saved is None else saved.restore(solver, record)
+    position = Position() if saved is None else saved.restore(solver, record)
     saved = None  # rank 0 need not hold its arrays any longer
     if hooks.on_ready is not None:
         hooks.on_ready()
     if checkpoint is not None:
         checkpoint.begin(block)
     hooks.stage(f"load path, {solver.solid.dofs} dofs")
-    failure = None
-    try:
-        _follow(problem, solver, record, position, hooks)
-    except ConvergenceError as e:
-        failure = e
     result = ContactResult(
         curve=record.curve(),
         counts=solver.counts,
         dofs=solver.solid.dofs,
         cells=comm.allreduce(len(solver.solid.cell_nodes)),
         phases=phases,
-        memory=comm.allreduce(peak()),
-        snapshots=tuple(record.snapshots),
+        memory=0,
+        snapshots=(),
         block=block,
         solver=solver,
-        complete=failure is None,
+        record=record,
+        position=position,
+        complete=False,
+        reason="",
+    )
+    result = _followed(problem, result, hooks, legs)
+    if checked:
+        refuse_wrong(result.checks, result)
+    return result
+
+
+def follow_rest(problem: Problem, result: ContactResult, hooks: Callbacks) -> ContactResult:
+    """The result with the rest of its load path, of which `solve_problem` followed the first legs; collective."""
+    hooks.stage("rest of the load path")
+    return _followed(problem, result, hooks)
+
+
+def _followed(problem: Problem, result: ContactResult, hooks: Callbacks, legs: int | None = None) -> ContactResult:
+    """The result after some legs of its load path, default all."""
+    at, failure, record = result.position, None, result.record
+    try:
+        at = _follow(problem, result.solver, record, at, hooks, legs)
+    except ConvergenceError as e:
+        failure = e
+    result = replace(
+        result,
+        curve=record.curve(),
+        memory=result.solver.solid.comm.allreduce(peak()),
+        snapshots=tuple(record.snapshots),
+        position=at,
+        complete=failure is None and at.leg == len(problem.schedule.legs),
         reason="done" if failure is None else str(failure),
     )
     if failure is not None:
         raise PartialResult(result.reason, result) from failure
-    if checked:
-        refuse_wrong(result.checks, result)
     return result
 
 
@@ -183,14 +208,15 @@ def judge(problem: Problem, block: BlockMesh | None, delta_max: float) -> None:
 
 
 def _follow(
-    problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Callbacks
-) -> None:
+    problem: Problem, solver: ContactSolver, record: Record, position: Position, hooks: Callbacks, legs: int | None
+) -> Position:
     """Follow the load path, saving the state and stopping as the hooks request; collective."""
     schedule, checkpoint = problem.schedule, hooks.checkpoint
+    last = len(schedule.legs[:legs])
 
     def on_position(at: Position) -> None:
         reason = "" if hooks.stop is None else hooks.stop()
-        ended = at.leg == len(schedule.legs)
+        ended = at.leg == last
         if checkpoint is not None and (reason or ended or checkpoint.due(solver.counts.steps)):
             checkpoint.save(solver, record, at)
         if reason:
@@ -199,7 +225,7 @@ def _follow(
                 + ("; --resume continues" if checkpoint is not None and checkpoint.interval else "")
             )
 
-    follow(solver, schedule, record, hooks.snapshots, hooks.on_step, position, on_position)
+    return follow(solver, schedule, record, hooks.snapshots, hooks.on_step, position, on_position, legs)
 
 
 def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:

@@ -31,8 +31,9 @@ def follow(
     on_step: Callback | None = None,
     position: Position | None = None,
     on_position: Callable[[Position], None] | None = None,
-) -> None:
-    """Follow a load path step by step; collective.
+    legs: int | None = None,
+) -> Position:
+    """Follow a load path step by step, or its first legs; collective.
 
     Args:
         solver: in its initial state, or in that of `position`
@@ -41,13 +42,17 @@ def follow(
         on_step: called after each accepted step
         position: where to continue
         on_position: called with the position at the beginning of the path and after each accepted step
+        legs: so many of the path; default all
+
+    Returns:
+        the position reached
 
     Raises:
         ConvergenceError: a step does not converge, however small
     """
     at = position or Position()
-    numbers = [n for _, n in schedule.legs]
-    if on_position is not None and position is None:
+    numbers = [n for _, n in schedule.legs[:legs]]
+    if on_position is not None and at == Position():
         on_position(at)
     while at.leg < len(numbers):
         leg, begun = leg_of(solver, schedule, at), perf_counter()
@@ -69,6 +74,7 @@ def follow(
         at = after
         if on_position is not None:
             on_position(at)
+    return at
 
 
 def _advance(solver: ContactSolver, leg: Leg, at: Position) -> tuple[StepStats, Position]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from asperity.arrays import Array
 from asperity.errors import InputError
@@ -38,6 +37,8 @@ def branches(delta: Array, force: Array) -> tuple[Array, Array, str]:
 
 def _trend(delta: Array) -> float:
     """Rank correlation of the approach with the order of the rows."""
+    from scipy.stats import spearmanr  # here, for it takes half a second, and only measured curves need it
+
     if delta.size < 3 or np.ptp(delta) == 0.0:
         return 1.0 if delta.size < 3 else 0.0
     return float(spearmanr(np.arange(delta.size), delta).statistic)
