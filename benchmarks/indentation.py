@@ -1,6 +1,6 @@
 """Tools against closed forms and other programs: python3 benchmarks/indentation.py [row ...] prints a figure a row.
 
-Rows: hertz, cone, sphere, layer, gel, composite, plastic, modulus.
+Rows: hertz, cone, sphere, layer, gel, composite, plastic, modulus, shape.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import numpy as np
 
 import asperity as asp
 from asperity.output.indentation import indentation_of
-from asperity.reference.halfspace import added_to_spot
-from asperity.surface import Cone, Flat, SelfAffine, Sphere, Surface
+from asperity.reference.halfspace import added_to_spot, half_space_contact
+from asperity.surface import Cone, Flat, Pyramid, SelfAffine, Sphere, Surface
 
 ELASTIC = asp.Material(E=1.0, nu=0.3)
 CORNER, HEIGHT = (0.0, 0.0), 3.0  # a quarter of a contact, on a high block
+LATTICE = 3.9003  # sum of 1/r over a square lattice of unit period, less its mean
 #: Depth over R and force over E R^2 of a sphere in finite strain, by benchmarks/axisymmetric.py 0.04.
 REVOLVED = ((0.28, 0.231875), (0.29, 0.244591), (0.3, 0.257452))
 
@@ -126,8 +127,22 @@ def modulus() -> str:
     return f"E' {found.modulus / ELASTIC.reduced_modulus - 1:+.2%} of its value (2 % wanted), bar {bar:.2%}"
 
 
+def shape() -> str:
+    """Factor beta of shallow tips on an elastic half-space, where force ~ depth^2 and the stiffness is 2 F/delta."""
+    found = []
+    for name, tool in {
+        "cone": Cone(L=1.0, half_angle=89.0),
+        "three faces": Pyramid(L=1.0, faces=3, angle=89.0),
+        "four faces": Pyramid(L=1.0, faces=4, angle=89.0),
+    }.items():
+        one = half_space_contact(tool, 640, P_star=1e-4, tolerance=1e-6)
+        delta = one.delta_star + LATTICE / np.pi * 1e-4  # of a spot without images in the sides
+        found.append(f"{name} {np.sqrt(np.pi / one.area_fraction) * 1e-4 / delta:.3f}")
+    return f"beta {', '.join(found)} (1 for the cone)"
+
+
 ROWS: dict[str, Callable[[], str]] = {
-    f.__name__: f for f in (hertz, cone, sphere, layer, gel, composite, plastic, modulus)
+    f.__name__: f for f in (hertz, cone, sphere, layer, gel, composite, plastic, modulus, shape)
 }
 
 if __name__ == "__main__":

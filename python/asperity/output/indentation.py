@@ -16,7 +16,7 @@ from asperity.surface.shapes import Indenter
 
 #: Factor of the stiffness by the faces of a pyramid: of a flat punch with as many sides, as after much flow (King, Int.
 #: J. Solids Struct. 23 (1987) 1657), and of the pyramid on an elastic half-space
-BETA = {3: (1.034, 1.175), 4: (1.012, 1.077)}
+BETA = {3: (1.034, 1.175), 4: (1.012, 1.076)}
 OF_BLOCK = 0.1  # error of the compliance of the block over it: contacts to 0.28 L^2, blocks of 0.3 L and more
 UPPER, HIGHER = 0.49, 0.61  # least force over the greatest one, of the rows that are fitted, and of those of the bar
 FEWEST = 4  # rows
@@ -27,7 +27,8 @@ class Indentation:
     """Hardness and modulus, and the numbers that they follow from.
 
     Attributes:
-        hardness, error_hardness: greatest force over the projected area of contact there, and bar [force/length^2]
+        hardness, error_hardness: force over the projected area of contact where the unloading begins, and bar
+            [force/length^2]
         modulus, error_modulus: E' = E/(1 - nu^2) by Oliver and Pharr, and bar [force/length^2]
         stiffness: dF/d(delta) at the beginning of the unloading, of a half-space [force/length]
         final_depth: approach at which the fitted unloading ends [length]
