@@ -23,7 +23,7 @@ from asperity.runtime.parallel import summed
 
 ITERATIONS = 1000  # of a Krylov method with it, at most
 SWEEPS = 3  # of the smoother, before and after the coarse correction
-LANCZOS, UPDATE = 20, 2  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
+LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
 RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
 LAG, LAG_SHARE = 16, 1e-3  # dofs held or released since the coarse matrix was made, up to which it is kept; of all dofs
 NOISE = 0.1  # in the start vector of an update, relative to the result of the one before
