@@ -276,10 +276,11 @@ def _check_reached(case: Case, key: str, force: float | None) -> None:
     if force is not None and not least <= force <= most * _ROUND:
         section, name = key.split(".")
         area = "give joint.nominal_area, or " if section == "joint" else ""
+        ends = [f" by loading.{end}" for end in ("force_max", "pressure_max") if getattr(case.loading, end) is not None]
         raise InputError(
             f"{key} = {getattr(getattr(case, section), name):g} is a force of {force:.6g} on the patch, legal are "
-            f"{least:.3g} to {most:.6g}, the greatest force that the run may reach: {area}leave the key out for half "
-            "of the force that the run reaches"
+            f"{least:.3g} to {most:.6g}, the greatest force that the run may reach{''.join(ends)}: {area}leave the key "
+            "out for half of the force that the run reaches"
         )
 
 
