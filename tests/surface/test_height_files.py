@@ -77,7 +77,9 @@ def written(draw: st.DrawFn) -> tuple[str, bytes, dict[str, Any], int]:
     return "a.txt", rows.replace("\n", ends).encode(encoding), options, gap
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=200, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(written())
 def test_a_file_is_read_as_it_was_written(tmp_path: Path, file: tuple[str, bytes, dict[str, Any], int]) -> None:
     name, content, options, gap = file
