@@ -200,8 +200,8 @@ def _plan(
         while share * (planned * substeps) ** -order >= MARGIN * tolerance and substeps < MOST_SUBSTEPS:
             substeps *= 2
         parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
-    loading = 1 + bool(problem.schedule.hold_steps)  # legs of all meshes but the last one
-    plan, plastic = [(first.h, first.dofs, _steps(problem, n, loading)) for n in parts], problem.material.plastic
+    compared, plastic = problem.schedule.compared, problem.material.plastic  # all that meshes but the last one follow
+    plan = [(first.h, first.dofs, _steps(problem, n, compared)) for n in parts]
     while True:
         scales = [mesh.scale for mesh in meshes]
         scale, h, dofs = meshes[-1]
@@ -211,7 +211,7 @@ def _plan(
             meshes.append(family.next(meshes, next_step(partial(_bar, scales, cut), tolerance)))
         if bar <= tolerance or scale / meshes[-1].scale < 0.999 * LEAST_STEP:
             return [*plan, (h, dofs, _steps(problem, substeps))], bar
-        plan.append((h, dofs, _steps(problem, substeps, loading)))
+        plan.append((h, dofs, _steps(problem, substeps, compared)))
 
 
 def _bar(scales: Sequence[float], cut: float, finer: float = 1.0) -> float:

@@ -18,7 +18,7 @@ from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField, size_field
-from asperity.model.settings import H_MAX, AccuracyTarget, MeshSize
+from asperity.model.settings import H_MAX, MOST_GROWTH, AccuracyTarget, MeshSize
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.solve_problem import Callbacks, follow_rest, solve_problem
 from asperity.runtime.parallel import on_root_bcast
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Size = Callable[[float, float, float], float]
 
 DOFS_ORDER = 2.0  # dofs and time grow as scale^-2, for the contact alone is refined
-GROWTH, STEEPEST = 0.4, 10.0  # growth of the element size around the contact at scale 1, and at most
+GROWTH = 0.4  # growth of the element size around the contact at scale 1
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
 NODES, NODES_OF_SURFACE = 3.1, 7.9
@@ -171,7 +171,7 @@ class MeshFamily:
 
     def size(self, scale: float) -> MeshSize:
         """Element sizes of a mesh; the greatest is H_MAX on the coarsest first mesh."""
-        L, growth, part = self._problem.surface.L, min(GROWTH * scale**0.5, STEEPEST), min(1.0, scale / FIRST)
+        L, growth, part = self._problem.surface.L, min(GROWTH * scale**0.5, MOST_GROWTH), min(1.0, scale / FIRST)
         widest, most = H_MAX * part**0.5, H_MAX * part
         sizes = np.where(np.isfinite(self._guide.sizes), np.minimum(scale * self._guide.sizes, most), np.inf)
         h = float(sizes[np.isfinite(sizes)].max())
@@ -265,8 +265,8 @@ class LevelSolver:
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=mesh.h))
         block = self._family.block if comm.rank == 0 else None
-        loading = 1 + bool(problem.schedule.hold_steps)
-        result = solve_problem(problem, block=block, comm=comm, hooks=hooks, checked=False, legs=loading)
+        first = problem.schedule.compared
+        result = solve_problem(problem, block=block, comm=comm, hooks=hooks, checked=False, legs=first)
         self._rest = partial(follow_rest, problem, hooks=hooks)
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(mesh.h, result.dofs, substeps, seconds))

@@ -151,6 +151,11 @@ class Schedule:
                 legs.append(("unload", self.unload_steps))
         return legs
 
+    @property
+    def compared(self) -> int:
+        """First legs, along which meshes are compared: the first loading and its hold."""
+        return 1 + bool(self.hold_steps)
+
     def seconds(self, branch: str) -> float:
         """Time that a leg takes [s]; zero where it takes none."""
         return (self.hold if branch == "hold" else self.duration) or 0.0

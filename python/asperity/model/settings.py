@@ -13,6 +13,7 @@ from asperity.runtime.declaration import LENGTH, SCRIPT, Choices, Flag, Real, Te
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
+MOST_GROWTH = 10  # of the element size, per unit distance
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, `shared_nodes.joined` [L]
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 LEAST_GAMMA = 0.75  # from which Nitsche's method is coercive: 1/2 where cells are straight, 0.73 seen under rough tops
@@ -103,7 +104,7 @@ class MeshSize:
     h_contact: Real | None = key(
         "size at the surface where it is reached last", LENGTH, default=None, shown="0.04 L", share=(1e-5, 1.0)
     )
-    growth: Real = key("increase of size per unit distance", default=0.25, gt=0, le=10)
+    growth: Real = key("increase of size per unit distance", default=0.25, gt=0, le=MOST_GROWTH)
     h_max: Real | None = key(
         "largest size", LENGTH, default=None, shown="0.25 L, less where slopes need it", share=(1e-5, 1e3)
     )
